@@ -1,0 +1,29 @@
+"""needlefem: needle insertion into soft tissue by finite elements, simulated and planned.
+
+The public names below are imported when first used, so that ``import needlefem`` is cheap.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from needlefem.casefile.load import load_case
+    from needlefem.insertion.simulation import simulate
+    from needlefem.output.render import render
+    from needlefem.planning.planner import plan
+
+__version__ = "0.1.0"
+__all__ = ["load_case", "plan", "render", "simulate"]
+
+_HOMES = {
+    "load_case": "needlefem.casefile.load",
+    "simulate": "needlefem.insertion.simulation",
+    "plan": "needlefem.planning.planner",
+    "render": "needlefem.output.render",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(_HOMES[name]), name)
+    raise AttributeError(f"module 'needlefem' has no attribute '{name}'")

@@ -1,0 +1,46 @@
+"""What a case says its results must be."""
+
+import typing
+from typing import Any
+
+from needlefem.casefile.tables import refuse_unknown, required
+from needlefem.errors import CaseError
+from needlefem.scene import Expectation
+from needlefem.units import UNITS, parse_quantity
+
+
+def read_expectation(item: Any, number: int) -> Expectation:
+    """Return the expectation of one [[expect]] table; `number` counts them."""
+    prefix = f"expect.{number}"
+    if not isinstance(item, dict):
+        raise CaseError(prefix, f"{item!r} is not a table", "write [[expect]]")
+    refuse_unknown(item, ("key", "value", "tolerance", "kind", "source"), prefix)
+    value, unit = _any_quantity(required(item, "value", prefix), f"{prefix}.value")
+    tolerance = None
+    if "tolerance" in item:
+        bound, _ = _any_quantity(item["tolerance"], f"{prefix}.tolerance")
+        if isinstance(bound, tuple):
+            raise CaseError(f"{prefix}.tolerance", "a list", "write one number")
+        tolerance = bound
+    return Expectation(
+        key=str(required(item, "key", prefix)),
+        value=value,
+        tolerance=tolerance,
+        unit=unit,
+        kind=str(item.get("kind", "")),
+        source=str(item.get("source", "")),
+    )
+
+
+def _any_quantity(raw: Any, key: str) -> tuple[float | tuple[float, ...], str]:
+    """Return a value in SI and its unit ('' for a plain number); a list gives a tuple."""
+    if isinstance(raw, list):
+        parts = [_any_quantity(item, key) for item in raw]
+        return tuple(typing.cast(float, value) for value, _ in parts), parts[0][1]
+    if isinstance(raw, int | float) and not isinstance(raw, bool):
+        return float(raw), ""
+    unit = str(raw).strip().partition(" ")[2].strip()
+    for dimension, units in UNITS.items():
+        if unit in units:
+            return parse_quantity(raw, dimension, key), unit
+    raise CaseError(key, f"{raw!r} is no number with a unit", "write a number, or one with a unit")

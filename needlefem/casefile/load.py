@@ -1,0 +1,133 @@
+"""Case files: TOML in, a `Scene` out, and every mistake answered with a line."""
+
+import dataclasses
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from needlefem.casefile.expectations import read_expectation
+from needlefem.casefile.reader import DIMENSIONS, Reader
+from needlefem.casefile.tables import Table, refuse_unknown, required, table, tables
+from needlefem.errors import CaseError, nearest
+from needlefem.scene import (
+    Discretisation,
+    Needle,
+    Outputs,
+    Planning,
+    Scene,
+    Support,
+    TargetDraw,
+)
+
+SCHEMA_VERSION = 1
+SECTIONS = (
+    "schema_version", "title", "axes", "mesh", "tissue", "materials", "regions", "supports",
+    "discretisation", "needle", "motion", "target", "planning", "targets", "outputs", "expect",
+)  # fmt: skip
+
+
+def load_case(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
+    """Read a case.
+
+    Parameters
+    ----------
+    path : str or Path
+        The TOML file; contour files are looked for beside it.
+    overrides : sequence of str
+        ``"needle.tip_radius=1 mm"`` replaces a key of the file; recorded in the scene.
+
+    Raises
+    ------
+    CaseError
+        Anything in it that can't be used; the message names key, value and remedy.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        remedy = "give the path of a case.toml"
+        raise CaseError(str(path), error.strerror or "can't be read", remedy) from None
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise CaseError(str(path), f"not valid TOML: {error}", "correct the file") from None
+    recorded = {key: _override(data, key, value) for key, value in map(_split, overrides)}
+    scene = read_scene(data, path.parent)
+    return dataclasses.replace(scene, source=path, overrides=recorded)
+
+
+def _split(override: str) -> tuple[str, str]:
+    key, equals, value = override.partition("=")
+    if not equals or not key.strip():
+        raise CaseError("--set", f"'{override}' is no assignment", "write key=value")
+    return key.strip(), value.strip()
+
+
+def _override(data: dict[str, Any], key: str, text: str) -> Any:
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *folders, name = key.split(".")
+    table = data
+    for folder in folders:
+        table = table.setdefault(folder, {})
+        if not isinstance(table, dict):
+            raise CaseError(f"--set {key}", f"'{folder}' is not a table", "check the key")
+    table[name] = value
+    return value
+
+
+def read_scene(data: Table, folder: Path) -> Scene:
+    """Return the scene of a parsed case whose files are in `folder`."""
+    refuse_unknown(data, SECTIONS, "")
+    version = required(data, "schema_version", "")
+    if version != SCHEMA_VERSION:
+        raise CaseError("schema_version", f"{version!r} is not known", f"write {SCHEMA_VERSION}")
+    axes = tuple(data.get("axes", ("y", "z")))
+    if len(axes) not in DIMENSIONS or len(set(axes)) != len(axes):
+        raise CaseError("axes", f"{list(axes)}", 'name two different axes, such as ["y", "z"]')
+    reader = Reader(len(axes), folder)
+    tissue = table(data, "tissue")
+    refuse_unknown(tissue, ("background",), "tissue")
+    target = table(data, "target") if "target" in data else None
+    if target is not None:
+        refuse_unknown(target, ("point",), "target")
+    scene = Scene(
+        title=str(data.get("title", "untitled")),
+        axes=axes,
+        mesh=reader.mesh(table(data, "mesh")),
+        materials={n: reader.material(t, n) for n, t in tables(data, "materials").items()},
+        background=str(required(tissue, "background", "tissue")),
+        regions={n: reader.region(t, n) for n, t in tables(data, "regions").items()},
+        supports={
+            n: reader.fill(Support, t, f"supports.{n}") for n, t in tables(data, "supports").items()
+        },
+        discretisation=reader.fill(
+            Discretisation, data.get("discretisation", {}), "discretisation"
+        ),
+        needle=reader.fill(Needle, table(data, "needle"), "needle"),
+        motion=reader.motion(table(data, "motion")),
+        target=None if target is None else reader.point(target, "point", "target"),
+        planning=reader.fill(Planning, data.get("planning", {}), "planning"),
+        targets=reader.fill(TargetDraw, data["targets"], "targets") if "targets" in data else None,
+        outputs=reader.fill(Outputs, data.get("outputs", {}), "outputs"),
+        expect=tuple(read_expectation(item, i) for i, item in enumerate(data.get("expect", ()))),
+    )
+    _check_names(scene)
+    return scene
+
+
+def _check_names(scene: Scene) -> None:
+    used = {"tissue.background": scene.background}
+    used |= {f"regions.{n}.material": region.material for n, region in scene.regions.items()}
+    for key, name in used.items():
+        if name not in scene.materials:
+            raise CaseError(key, f"no material '{name}'", nearest(name, scene.materials))
+    if scene.targets is not None and scene.targets.region not in scene.regions:
+        name = scene.targets.region
+        raise CaseError("targets.region", f"no region '{name}'", nearest(name, scene.regions))
+    low, high = scene.planning.height_range
+    if low >= high:
+        raise CaseError("planning.height_range", f"{low:g} to {high:g} m is empty", "swap the ends")

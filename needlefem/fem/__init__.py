@@ -1,0 +1,1 @@
+"""The discretised tissue; scikit-fem is met here and in `elements` only."""

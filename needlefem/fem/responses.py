@@ -1,0 +1,183 @@
+"""The tissue's response to forces of the needle, at the cheapest price.
+
+Two ways to the same numbers: a compliance matrix between all nodes that needles have touched,
+grown as they go (cheap and shared when these nodes are few), or one back-substitution for each
+load (when they are many).
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from needlefem.arrays import Floats, Ints
+from needlefem.fem.factor import Factor
+from needlefem.fem.model import Model
+
+BLOCK = 64
+"""Right-hand sides solved at once: larger blocks gain nothing and cost memory."""
+
+
+class Response(Protocol):
+    """Displacement for some loads."""
+
+    def at(self, rows: Ints) -> Floats:
+        """Return it on rows, shape (nrows, nloads), m."""
+        ...
+
+    def after(self, start: int) -> Floats:
+        """Return it on all rows from `start` on, shape (size - start, nloads), m."""
+        ...
+
+
+class Responses(Protocol):
+    """Responses of one operator A, shared by all insertions on it.
+
+    Attributes
+    ----------
+    size : int
+        Number of rows known; it may grow, and rows never change their numbers.
+    solves : int
+        Right-hand sides solved so far.
+    """
+
+    size: int
+    solves: int
+
+    def rows(self, nodes: Ints) -> Ints:
+        """Return the rows of nodes, node-major, shape (len(nodes) dim,)."""
+        ...
+
+    def respond(self, rows: Ints, loads: Floats) -> Response:
+        """Return the response to loads, shape (nloads, len(rows)), on these rows."""
+        ...
+
+
+class _Equations:
+    """The equation (row of A) of every node's dofs; -1 where held."""
+
+    def __init__(self, model: Model) -> None:
+        equation = np.full(model.ndofs, -1)
+        equation[model.free_dofs] = np.arange(len(model.free_dofs))
+        self._table: Ints = equation[model.node_dofs]
+
+    def of(self, nodes: Ints) -> Ints:
+        found: Ints = self._table[nodes].ravel()
+        return found
+
+
+class SharedResponses:
+    """The compliance between touched nodes, dense and growing.
+
+    Parameters
+    ----------
+    model : Model
+        The tissue.
+    factor : Factor, optional
+        Factorisation of the operator A on the free dofs; that of K when left out.
+    """
+
+    def __init__(self, model: Model, factor: Factor | None = None) -> None:
+        self._factor = factor if factor is not None else model.factor
+        self._equations = _Equations(model)
+        self._unknowns, self._dim = len(model.free_dofs), model.dim
+        self._slot: Ints = np.full(model.nnodes, -1)
+        self._nodes: Ints = np.zeros(0, dtype=np.intp)
+        self._store = np.zeros((0, 0))
+        self.size = self.solves = 0
+
+    @property
+    def compliance(self) -> Floats:
+        """Displacement for unit forces between all rows, shape (size, size), m/N.
+
+        Rows and columns of held dofs are zero.
+        """
+        return self._store[: self.size, : self.size]
+
+    def rows(self, nodes: Ints) -> Ints:
+        """See `Responses`; nodes not touched before are solved for."""
+        slots = self._slot[nodes]
+        if slots.min(initial=0) < 0:
+            self._touch(nodes[slots < 0])
+            slots = self._slot[nodes]
+        rows: Ints = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
+        return rows
+
+    def respond(self, rows: Ints, loads: Floats) -> Response:
+        """See `Responses`."""
+        return _SharedResponse(self, rows, loads)
+
+    def _touch(self, new: Ints) -> None:
+        before = self.size
+        self._slot[new] = len(self._nodes) + np.arange(len(new))
+        self._nodes = np.concatenate([self._nodes, new])
+        self.size = len(self._nodes) * self._dim
+        self._reserve()
+        known = self._equations.of(self._nodes)
+        equations = known[before:]
+        for start in range(0, len(equations), BLOCK):
+            some = slice(start, min(start + BLOCK, len(equations)))
+            columns = self._columns(equations[some])[known]
+            columns[known < 0] = 0.0
+            self._store[: self.size, before + some.start : before + some.stop] = columns
+        fresh = self._store[before : self.size, before : self.size]
+        fresh[:] = 0.5 * (fresh + fresh.T)
+        self._store[before : self.size, :before] = self._store[:before, before : self.size].T
+
+    def _reserve(self) -> None:
+        if self.size > len(self._store):
+            old = self._store
+            self._store = np.zeros((int(1.5 * self.size), int(1.5 * self.size)))
+            self._store[: len(old), : len(old)] = old
+
+    def _columns(self, equations: Ints) -> Floats:
+        rhs = np.zeros((self._unknowns, len(equations)), order="F")
+        free = np.flatnonzero(equations >= 0)
+        rhs[equations[free], free] = 1.0
+        self.solves += len(free)
+        return self._factor.solve(rhs)
+
+
+class _SharedResponse:
+    def __init__(self, shared: SharedResponses, rows: Ints, loads: Floats) -> None:
+        self._shared, self._rows, self._loads = shared, rows, loads
+
+    def at(self, rows: Ints) -> Floats:
+        return self._shared.compliance[np.ix_(rows, self._rows)] @ self._loads.T
+
+    def after(self, start: int) -> Floats:
+        return self._shared.compliance[start:, self._rows] @ self._loads.T
+
+
+class DirectResponses:
+    """One back-substitution a load, on all equations; parameters as for `SharedResponses`."""
+
+    def __init__(self, model: Model, factor: Factor | None = None) -> None:
+        self._factor = factor if factor is not None else model.factor
+        self._equations = _Equations(model)
+        self.size = len(model.free_dofs) + 1  # the last row stands for all held dofs
+        self.solves = 0
+
+    def rows(self, nodes: Ints) -> Ints:
+        """See `Responses`."""
+        return self._equations.of(nodes) % self.size
+
+    def respond(self, rows: Ints, loads: Floats) -> Response:
+        """See `Responses`."""
+        rhs = np.zeros((self.size, len(loads)), order="F")
+        rhs[rows] = loads.T
+        rhs[-1] = 0.0
+        rhs[:-1] = self._factor.solve(rhs[:-1])
+        self.solves += len(loads)
+        return _DirectResponse(rhs)
+
+
+class _DirectResponse:
+    def __init__(self, field: Floats) -> None:
+        self._field = field
+
+    def at(self, rows: Ints) -> Floats:
+        found: Floats = self._field[rows]
+        return found
+
+    def after(self, start: int) -> Floats:
+        return self._field[start:]

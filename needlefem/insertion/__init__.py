@@ -1,0 +1,1 @@
+"""Insertions: marched along the cut path or stepped in time, with their energy ledger."""

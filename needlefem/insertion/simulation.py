@@ -1,0 +1,140 @@
+"""A scene made ready for insertions: tissue, responses, and the needle on any line."""
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.errors import CaseError
+from needlefem.fem.build import build_model
+from needlefem.fem.mesh import BACKGROUND
+from needlefem.fem.model import Model
+from needlefem.fem.responses import DirectResponses, Responses, SharedResponses
+from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
+from needlefem.insertion.march import March
+from needlefem.insertion.result import Insertion, State
+from needlefem.needle.axis import Axis
+from needlefem.needle.instrument import Instrument
+from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel
+from needlefem.resolve import Resolved, resolve
+from needlefem.scene import Scene
+
+MOST_SHARED_UNKNOWNS = 40_000
+"""Above, the needle's corridor has so many nodes that one solve a load is cheaper."""
+
+Stop = Callable[[State], bool]
+"""Says after every state whether the insertion may end."""
+
+
+class Simulation:
+    """Everything that insertions in one scene share.
+
+    Parameters
+    ----------
+    scene : Scene
+        As read; it is resolved here.
+    model : Model, optional
+        The scene's discretised tissue, when it is there already.
+
+    Raises
+    ------
+    CaseError
+        The scene can't be built.
+    """
+
+    def __init__(self, scene: Scene, model: Model | None = None) -> None:
+        self.resolved: Resolved = resolve(scene)
+        self.scene = self.resolved.scene
+        self.model = build_model(self.scene) if model is None else model
+        self.direction: Vector = np.array(self.scene.motion.direction)
+        self.evaluations = self.insertions = 0
+
+    @cached_property
+    def responses(self) -> Responses:
+        """Responses of the tissue, shared by all insertions."""
+        if len(self.model.free_dofs) > MOST_SHARED_UNKNOWNS:
+            return DirectResponses(self.model)
+        return SharedResponses(self.model)
+
+    @cached_property
+    def cutting_force(self) -> Floats:
+        """Nodal field of the cutting force, shape (nnodes,), N (N/m in 2D)."""
+        values = {BACKGROUND: self.scene.needle.cutting_force}
+        for name, region in self.scene.regions.items():
+            own = region.cutting_force
+            values[name] = self.scene.needle.cutting_force if own is None else own
+        return self.model.per_node(values)
+
+    @cached_property
+    def shaft_friction(self) -> Floats:
+        """Nodal field of the friction limit, shape (nnodes,), N/m (Pa in 2D)."""
+        values = {BACKGROUND: self.scene.needle.shaft_friction}
+        for name, region in self.scene.regions.items():
+            own = region.shaft_friction
+            values[name] = self.scene.needle.shaft_friction if own is None else own
+        return self.model.per_node(values)
+
+    def entry_through(self, point: Vector) -> Entry:
+        """Return where a needle that aims at a point enters the skin.
+
+        Raises
+        ------
+        CaseError
+            Its line misses the tissue, or the skin there is held or too oblique.
+        """
+        found = entry_along(self.model.mesh, point, self.direction)
+        if found is None:
+            problem = "a needle on the line through the target misses the tissue"
+            raise CaseError("motion.direction", problem, "move the target or turn the needle")
+        self._check(found)
+        return found
+
+    def entry_of_case(self) -> Entry:
+        """Return the case's own entry, or that of the line through its target."""
+        if self.scene.motion.entry:
+            point = np.array(self.scene.motion.entry)
+            found = entry_at(self.model.mesh, point, self.direction)
+            self._check(found)
+            return found
+        if self.scene.target is None:
+            raise CaseError("motion.entry", "missing", "give it, or a target to aim at")
+        return self.entry_through(np.array(self.scene.target))
+
+    def _check(self, entry: Entry) -> None:
+        faces = {face for support in self.scene.supports.values() for face in support.faces}
+        held = [self.model.mesh.boundaries[face] for face in sorted(faces)]
+        facets = np.concatenate(held) if held else np.zeros(0, dtype=np.intp)
+        check_entry(entry, self.direction, facets)
+
+    def instrument(self, entry: Entry) -> Instrument:
+        """Return the needle on the line that starts at an entry."""
+        needle, numbers = self.scene.needle, self.scene.discretisation
+        kernel: Kernel = PointKernel()
+        if needle.tip == "disc":
+            kernel = DiscKernel(needle.tip_radius, numbers.kernel_points, entry.point, entry.inward)
+        return Instrument(
+            axis=Axis(entry.point, self.direction),
+            kernel=kernel,
+            interpolation=self.model.interpolation,
+            cutting_force=self.cutting_force,
+            shaft_friction=self.shaft_friction,
+            lateral_stiffness=needle.lateral_stiffness,
+            spacing=numbers.path_spacing,
+        )
+
+    def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
+        """Push the needle in at an entry, to the largest depth or until `stop` says so."""
+        march = March(self.instrument(entry), self.responses, self.scene.motion.max_depth)
+        for state in march.iterate():
+            if stop is not None and stop(state):
+                break
+        self.insertions += 1
+        self.evaluations += march.evaluations
+        return march.result()
+
+
+def simulate(scene: Scene) -> Insertion:
+    """Push the needle of a scene in at its entry, to its largest depth."""
+    simulation = Simulation(scene)
+    return simulation.insert(simulation.entry_of_case())

@@ -1,0 +1,268 @@
+"""Contact between needle and tissue in terms of the tissue's responses.
+
+Everything that touches the needle is a linear functional of the displacement: the mean over the
+tip's kernel, the mean over a piece of the cut path. The tissue enters through the responses of
+these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Lateral forces on
+the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
+"""
+
+import dataclasses
+
+import numpy as np
+from scipy.linalg.lapack import dtrtrs
+
+from needlefem.arrays import Floats, Ints
+from needlefem.fem.interpolation import Weights
+from needlefem.fem.responses import Response, Responses
+
+
+@dataclasses.dataclass(frozen=True)
+class Piece:
+    """A functional of the displacement that belongs to the needle.
+
+    Parameters
+    ----------
+    nodes : array, shape (k,)
+    weights : array, shape (k,)
+        The functional is ``sum_k weights[k] u[nodes[k]]``.
+    offset : array, shape (dim - 1,), m
+        Lateral offset from the axis of the material that it stands for, undeformed.
+    compliance : float, m/N
+        Of its lateral hold.
+    """
+
+    nodes: Ints
+    weights: Floats
+    offset: Floats
+    compliance: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """Functionals tried beside the path, and the tissue's response to loads on them.
+
+    Rows are functional-major: for each functional the axial, then the lateral components.
+
+    Parameters
+    ----------
+    weights : Weights
+        The functionals.
+    loads : array, shape (rows, n)
+        Loads on touched dofs for unit forces on the functionals.
+    rows : array, shape (n,)
+        Rows that these dofs have among the responses.
+    response : Response
+        Displacement for these loads.
+    bare : array, shape (rows, rows), m/N
+        Response to unit forces with the path's lateral forces unchanged.
+    coupling : array, shape (rows, path rows), m/N
+        Response to unit forces on the path's pieces.
+    half : array, shape (path laterals, rows)
+        ``L^-1`` times the lateral part of the coupling, transposed.
+    compliance : array, shape (rows, rows), m/N
+        Response to unit forces when the path's lateral forces follow.
+    displacement : array, shape (rows,), m
+        Displacement without any force on the functionals tried.
+    """
+
+    weights: Weights
+    loads: Floats
+    rows: Ints
+    response: Response
+    bare: Floats
+    coupling: Floats
+    half: Floats
+    compliance: Floats
+    displacement: Floats
+
+
+class Contact:
+    """The path's pieces and their responses; grows as the needle advances.
+
+    Parameters
+    ----------
+    responses : Responses
+        Of the step's operator.
+    frame : array, shape (dim, dim)
+        Rows: needle direction, lateral directions.
+    background : array, shape (nnodes, dim), m, optional
+        Displacement that the tissue would have without the needle at this step (dynamics).
+    """
+
+    def __init__(
+        self, responses: Responses, frame: Floats, background: Floats | None = None
+    ) -> None:
+        self.responses, self.frame = responses, frame
+        self.dim = len(frame)
+        self.pieces: list[Piece] = []
+        self.axial: Floats = np.zeros(0)
+        self.background = background
+        self._loads: list[tuple[Ints, Floats]] = []
+        self._columns = np.zeros((0, 0))
+        self._known_rows = 0
+        self._w = np.zeros((0, 0))
+        self._cholesky = np.zeros((0, 0))
+        self._reduced: Floats = np.zeros(0)
+
+    @property
+    def _laterals(self) -> Ints:
+        """Path rows of lateral components."""
+        rows = np.arange(len(self.pieces) * self.dim).reshape(-1, self.dim)
+        return rows[:, 1:].ravel()
+
+    def try_functionals(self, weights: Weights) -> Trial:
+        """Return the tissue's response at functionals, given the path so far."""
+        rows = self.responses.rows(weights.nodes)
+        self._follow_growth()
+        count = len(weights.rows) * self.dim
+        loads = np.einsum("ak,ij->aikj", weights.rows, self.frame).reshape(count, -1)
+        response = self.responses.respond(rows, loads)
+        bare = loads @ response.at(rows)
+        coupling = loads @ self._columns[rows, : self._size]
+        displacement = coupling[:, :: self.dim] @ self.axial
+        if self.background is not None:
+            displacement += (weights.of(self.background) @ self.frame.T).ravel()
+        half, compliance = np.zeros((0, count)), bare
+        if self.pieces:
+            half = self._forward(coupling[:, self._laterals].T)
+            compliance = bare - half.T @ half
+            displacement = displacement + half.T @ self._reduced
+        return Trial(weights, loads, rows, response, bare, coupling, half, compliance, displacement)
+
+    def _forward(self, rhs: Floats) -> Floats:
+        """Return ``L^-1 rhs``."""
+        solved, _ = dtrtrs(self._factor, rhs, lower=1)
+        found: Floats = solved
+        return found
+
+    @property
+    def _factor(self) -> Floats:
+        size = len(self.pieces) * (self.dim - 1)
+        return self._cholesky[:size, :size]
+
+    def _follow_growth(self) -> None:
+        """Compute the pieces' responses at nodes that were touched since."""
+        size = self.responses.size
+        if size > self._known_rows:
+            self._columns = _enlarged(self._columns, size, 0)
+            for number, (rows, loads) in enumerate(self._loads):
+                columns = slice(number * self.dim, (number + 1) * self.dim)
+                new = self.responses.respond(rows, loads).after(self._known_rows)
+                self._columns[self._known_rows : size, columns] = new
+            self._known_rows = size
+
+    def adopt(
+        self, trial: Trial, which: int, axial: float, offset: Floats, compliance: float
+    ) -> None:
+        """Make a tried functional a piece of the path.
+
+        Parameters
+        ----------
+        trial : Trial
+            Tried against the path as it is.
+        which : int
+            Number of the functional in the trial.
+        axial : float, N (N/m in 2D)
+            Friction force on it from now on.
+        offset : array, shape (dim - 1,), m
+            Lateral offset of its material from the axis, undeformed.
+        compliance : float, m/N
+            Of its lateral hold.
+        """
+        dim, number = self.dim, len(self.pieces)
+        mine = slice(which * dim, (which + 1) * dim)
+        lateral = slice(which * dim + 1, (which + 1) * dim)
+        size, laterals = (number + 1) * dim, (number + 1) * (dim - 1)
+        self._columns = _enlarged(self._columns, self._known_rows, size)
+        columns = trial.response.after(0)[: self._known_rows, mine]
+        self._columns[: self._known_rows, size - dim : size] = columns
+        self._loads.append((trial.rows, trial.loads[mine]))
+        self._w = _enlarged(self._w, size, size)
+        self._w[size - dim : size, : size - dim] = trial.coupling[mine]
+        self._w[: size - dim, size - dim : size] = trial.coupling[mine].T
+        self._w[size - dim : size, size - dim : size] = trial.bare[mine, mine]
+        self._cholesky = _enlarged(self._cholesky, laterals, laterals)
+        hold = trial.compliance[lateral, lateral] + compliance * np.eye(dim - 1)
+        self._cholesky[laterals - dim + 1 : laterals, : laterals - dim + 1] = trial.half[
+            :, lateral
+        ].T
+        self._cholesky[laterals - dim + 1 : laterals, laterals - dim + 1 : laterals] = (
+            np.linalg.cholesky(hold)
+        )
+        row = trial.weights.rows[which]
+        used = np.flatnonzero(row)
+        self.pieces.append(Piece(trial.weights.nodes[used], row[used], offset, compliance))
+        self.axial = np.append(self.axial, axial)
+        self.balance()
+
+    def balance(self) -> None:
+        """Prepare the elimination of lateral forces for the present friction and background."""
+        if self.pieces:
+            gap = np.concatenate([piece.offset for piece in self.pieces])
+            free = self._w[self._laterals, : self._size : self.dim] @ self.axial
+            self._reduced = self._forward(-(gap + free + self._background()[self._laterals]))
+
+    @property
+    def _size(self) -> int:
+        return len(self.pieces) * self.dim
+
+    def _background(self) -> Floats:
+        """Displacement of the pieces without the needle, path rows."""
+        if self.background is None:
+            return np.zeros(self._size)
+        field = self.background
+        means = np.array([piece.weights @ field[piece.nodes] for piece in self.pieces])
+        rows: Floats = (means @ self.frame.T).ravel()
+        return rows
+
+    def lateral_forces(self, trial: Trial, forces: Floats) -> Floats:
+        """Return the path's lateral forces, shape (npieces, dim - 1), N (N/m in 2D).
+
+        Parameters
+        ----------
+        trial : Trial
+            Tried against the path as it is.
+        forces : array, shape (rows,)
+            Forces on the trial's functionals.
+        """
+        rhs = self._reduced - trial.half @ forces
+        solved, _ = dtrtrs(self._factor, rhs, lower=1, trans=1)
+        return np.asarray(solved).reshape(-1, self.dim - 1)
+
+    def displacements(self, laterals: Floats, trial: Trial, forces: Floats) -> Floats:
+        """Return mean displacements of the pieces, then of the functionals tried.
+
+        Parameters
+        ----------
+        laterals : array, shape (npieces, dim - 1)
+            Lateral forces on the pieces, as `lateral_forces` gives them.
+        trial : Trial
+            Tried against the path as it is.
+        forces : array, shape (rows,)
+            Forces on the trial's functionals.
+
+        Returns
+        -------
+        array, shape (npieces + functionals, dim), m
+            In the needle's frame: axial, then lateral components.
+        """
+        path = np.hstack([self.axial[:, None], laterals]).ravel()
+        w = self._w[: self._size, : self._size]
+        pieces = w @ path + trial.coupling.T @ forces + self._background()
+        tried = trial.coupling @ path + trial.bare @ forces
+        if self.background is not None:
+            tried += (trial.weights.of(self.background) @ self.frame.T).ravel()
+        return np.concatenate([pieces, tried]).reshape(-1, self.dim)
+
+
+def _enlarged(array: Floats, rows: int, columns: int) -> Floats:
+    """Return the array with at least as many rows and columns, doubling when it must grow."""
+    have = array.shape
+    if have[0] >= rows and have[1] >= columns:
+        return array
+    shape = tuple(
+        h if h >= n else max(2 * n, 64) for h, n in zip(have, (rows, columns), strict=True)
+    )
+    grown = np.zeros(shape)
+    grown[: have[0], : have[1]] = array
+    return grown

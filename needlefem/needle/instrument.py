@@ -1,0 +1,80 @@
+"""A needle on its line in one tissue: what it touches there and what resists it."""
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.fem.interpolation import Interpolation, Weights
+from needlefem.needle.axis import Axis
+from needlefem.needle.kernel import Kernel
+
+PIECE_POINTS = 5
+"""Gauss points on a piece of the cut path; more change nothing at h >= spacing / 3."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Instrument:
+    """All that contact needs to know of the needle.
+
+    Parameters
+    ----------
+    axis : Axis
+        Its line.
+    kernel : Kernel
+        How the tip's force is spread.
+    interpolation : Interpolation
+        Of the tissue's displacement.
+    cutting_force : array, shape (nnodes,), N (N/m in 2D)
+        Nodal field of the axial force at which the tip cuts.
+    shaft_friction : array, shape (nnodes,), N/m (Pa in 2D)
+        Nodal field of the friction limit per length of cut path.
+    lateral_stiffness : float, Pa (N/m^3 in 2D)
+        Of the hold on the axis per length of cut path.
+    spacing : float, m
+        Length of the pieces of the cut path.
+    """
+
+    axis: Axis
+    kernel: Kernel
+    interpolation: Interpolation
+    cutting_force: Floats
+    shaft_friction: Floats
+    lateral_stiffness: float
+    spacing: float
+
+    @cached_property
+    def _piece_rule(self) -> tuple[Floats, Floats]:
+        nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
+        return 0.5 * (nodes[:, None] + 1.0), 0.5 * weights
+
+    def tip(self, point: Vector) -> Weights:
+        """Return the mean over the tip's kernel at a material point (one row)."""
+        points, weights = self.kernel.quadrature(point)
+        rows = np.zeros(len(points), dtype=np.intp)
+        return self.interpolation.means(points, weights, rows, 1)
+
+    def tip_and_piece(self, point: Vector, last: Vector) -> Weights:
+        """Return the kernel's mean (row 0) and the mean over the piece behind it (row 1).
+
+        Parameters
+        ----------
+        point, last : array, shape (dim,), m
+            Material points at the tip now, and at the end of the newest piece.
+        """
+        points, weights = self.kernel.quadrature(point)
+        share, piece_weights = self._piece_rule
+        piece = last + share * (point - last)
+        rows = np.repeat([0, 1], [len(points), len(piece)])
+        return self.interpolation.means(
+            np.concatenate([points, piece]), np.concatenate([weights, piece_weights]), rows, 2
+        )
+
+    def cutting_force_at(self, weights: Weights) -> float:
+        """Return the cutting force, averaged over the kernel (row 0), N (N/m in 2D)."""
+        return float(weights.rows[0] @ self.cutting_force[weights.nodes])
+
+    def friction_at(self, weights: Weights) -> float:
+        """Return the friction limit, averaged over the piece (row 1), N/m (Pa in 2D)."""
+        return float(weights.rows[1] @ self.shaft_friction[weights.nodes])

@@ -1,0 +1,83 @@
+"""The tip's kernel: the disc (ball) over which the tip's force is spread.
+
+A point force has an unbounded displacement, so that every answer would drift with refinement.
+Spread over a disc of the needle's own size, with the work-conjugate mean displacement over the
+same disc, tip force and tip displacement are finite and converge.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from needlefem.arrays import Floats, Points, Vector
+
+
+class Kernel(Protocol):
+    """A way to spread the tip's force."""
+
+    def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
+        """Return points, shape (n, dim), and weights, shape (n,), that sum to 1."""
+        ...
+
+
+class PointKernel:
+    """A point force. It never converges under refinement and is kept to show just that."""
+
+    def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
+        """See `Kernel`."""
+        return centre[None], np.ones(1)
+
+
+class DiscKernel:
+    """A disc (2D) or ball (3D) of uniform weight, cut off at the skin.
+
+    The rule is a product of one along the skin's inward normal and one across it. Where the
+    disc reaches out of the skin only the part inside counts, renormalised; its points move
+    smoothly with the centre, so that the needle's answer has no jumps there.
+
+    Parameters
+    ----------
+    radius : float, m
+    points : int
+        Wanted number of quadrature points; the rule takes the nearest product.
+    skin : array, shape (dim,), m
+        A point of the skin, taken as plane within a radius of the needle.
+    inward : array, shape (dim,)
+        Unit normal of the skin that points into the tissue.
+    """
+
+    def __init__(self, radius: float, points: int, skin: Vector, inward: Vector) -> None:
+        self.radius, self._skin, self._inward = radius, skin, inward
+        dim = len(inward)
+        along = max(2, round((1.5 ** (dim - 1) * points) ** (1.0 / dim)))
+        across = max(1, round((points / along) ** (1.0 / (dim - 1))))
+        nodes, self._along_weights = np.polynomial.legendre.leggauss(along)
+        self._angle = 0.5 * np.pi * nodes
+        self._across, self._across_weights = _unit_ball_rule(dim - 1, across)
+        self._plane = np.linalg.svd(inward[None])[2][1:]
+        self._power = dim - 1
+
+    def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
+        """See `Kernel`."""
+        radius = self.radius
+        under = float(self._inward @ (centre - self._skin))
+        low = max(-radius, -under)
+        height = low + 0.5 * (radius - low) * (1.0 + np.sin(self._angle))
+        half = np.sqrt(np.maximum(radius**2 - height**2, 0.0))
+        slab = self._along_weights * np.cos(self._angle) * half**self._power
+        across = half[:, None, None] * (self._across @ self._plane)
+        points = centre + height[:, None, None] * self._inward + across
+        weights = (slab[:, None] * self._across_weights).ravel()
+        return points.reshape(-1, len(centre)), weights / weights.sum()
+
+
+def _unit_ball_rule(dim: int, n: int) -> tuple[Points, Floats]:
+    """Return a rule on the unit interval [-1, 1] (dim 1, n points) or disc (dim 2, n x 2n)."""
+    nodes, weights = np.polynomial.legendre.leggauss(n)
+    if dim == 1:
+        return nodes[:, None], weights
+    radius = np.sqrt(0.5 * (1.0 + nodes))
+    turn = 2.0 * np.pi * (np.arange(2 * n) + 0.5) / (2 * n)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = radius[:, None, None] * circle
+    return points.reshape(-1, 2), np.repeat(weights, 2 * n)

@@ -1,0 +1,208 @@
+"""Searches over the insertion height."""
+
+import dataclasses
+from collections.abc import Callable
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+
+from needlefem.arrays import Floats
+
+Miss = Callable[[Floats], "Floats | None"]
+"""Signed lateral miss at a height, both of shape (dim - 1,), m; None where out of reach."""
+Error = Callable[[float], float]
+"""Placement error at a height, m; infinite where out of reach."""
+
+
+class Found(StrEnum):
+    """How a search ended."""
+
+    SOLVED = "solved"
+    OUTSIDE_RANGE = "outside_range"
+    UNREACHABLE = "unreachable"
+    NOT_CONVERGED = "not_converged"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solution:
+    """A height and how it was found.
+
+    Parameters
+    ----------
+    found : Found
+    height : array, shape (dim - 1,), m
+        Relative to the target's; the best one tried if nothing was solved.
+    miss : float, m
+        What is left there.
+    tried : tuple of (height, miss)
+        In the order of the insertions.
+    """
+
+    found: Found
+    height: Floats
+    miss: float
+    tried: tuple[tuple[Floats, "Floats | None"], ...]
+
+
+def signed_root(
+    miss: Miss, start: Floats, within: tuple[float, float], tolerance: float, most: int
+) -> Solution:
+    """Find the height where the signed miss is zero.
+
+    The miss is smooth in the height and grows almost one for one, so that Broyden's method with
+    the unit Jacobian to begin with needs few insertions. In 2D (one lateral direction) a change
+    of sign is kept as a bracket, and the secant may not leave it.
+
+    Parameters
+    ----------
+    miss : callable
+        See `Miss`.
+    start : array, shape (dim - 1,), m
+        First height, relative to the target's.
+    within : (float, float), m
+        Feasible heights in every lateral direction.
+    tolerance : float, m
+    most : int
+        Most evaluations.
+    """
+    search = _Root(miss, within, tolerance, most)
+    return search.run(np.clip(start, *within))
+
+
+class _Root:
+    def __init__(
+        self, miss: Miss, within: tuple[float, float], tolerance: float, most: int
+    ) -> None:
+        self._miss, (self._low, self._high) = miss, within
+        self._tolerance, self._most = tolerance, most
+        self._tried: list[tuple[Floats, Floats | None]] = []
+
+    def run(self, height: Floats) -> Solution:
+        value = self._evaluate(height)
+        if value is None:
+            first = self._first_reachable(height)
+            if first is None:
+                return self._end(Found.UNREACHABLE)
+            height, value = first
+        jacobian = np.eye(len(height))
+        while len(self._tried) < self._most:
+            if np.max(np.abs(value)) <= self._tolerance:
+                return self._end(Found.SOLVED)
+            wanted = self._guarded(height - np.linalg.solve(jacobian, value))
+            if np.array_equal(wanted, height):
+                return self._end(Found.OUTSIDE_RANGE)
+            reached = self._evaluate(wanted)
+            if reached is None:
+                retreat = self._between(height, wanted)
+                if retreat is None:
+                    return self._end(Found.UNREACHABLE)
+                wanted, reached = retreat
+            change = wanted - height
+            error = reached - value - jacobian @ change
+            jacobian = jacobian + np.outer(error, change) / (change @ change)
+            if abs(np.linalg.det(jacobian)) < 1e-3:
+                jacobian = np.eye(len(height))
+            height, value = wanted, reached
+        return self._end(Found.NOT_CONVERGED)
+
+    def _evaluate(self, height: Floats) -> Floats | None:
+        value = self._miss(height)
+        self._tried.append((height, value))
+        return value
+
+    def _guarded(self, wanted: Floats) -> Floats:
+        """Keep a step in the range and, in 2D, strictly inside the bracket."""
+        clipped = np.clip(wanted, self._low, self._high)
+        bracket = self._bracket()
+        if bracket is not None and not bracket[0] < clipped[0] < bracket[1]:
+            clipped = np.array([0.5 * (bracket[0] + bracket[1])])
+        return clipped
+
+    def _bracket(self) -> tuple[float, float] | None:
+        known = [(float(h[0]), float(m[0])) for h, m in self._tried if m is not None]
+        if len(self._tried[0][0]) != 1:
+            return None
+        known.sort()
+        for (a, f), (b, g) in pairwise(known):
+            if (f < 0.0) != (g < 0.0):
+                return a, b
+        return None
+
+    def _first_reachable(self, height: Floats) -> tuple[Floats, Floats] | None:
+        """Look for a height in the range at which the target can be reached at all."""
+        for share in (0.25, 0.75, 0.0, 1.0, 0.5):
+            if len(self._tried) >= self._most:
+                return None
+            tried = np.full_like(height, self._low + share * (self._high - self._low))
+            value = self._evaluate(tried)
+            if value is not None:
+                return tried, value
+        return None
+
+    def _between(self, good: Floats, bad: Floats) -> tuple[Floats, Floats] | None:
+        """Back off from an unreachable height towards one that was reached."""
+        for _ in range(4):
+            bad = 0.5 * (good + bad)
+            value = self._evaluate(bad)
+            if value is not None:
+                return bad, value
+        return None
+
+    def _end(self, found: Found) -> Solution:
+        known = [(h, m) for h, m in self._tried if m is not None]
+        if not known:
+            return Solution(found, self._tried[0][0], np.inf, tuple(self._tried))
+        height, miss = min(known, key=lambda pair: float(np.max(np.abs(pair[1]))))
+        return Solution(found, height, float(np.linalg.norm(miss)), tuple(self._tried))
+
+
+def golden_section(error: Error, low: float, high: float, tolerance: float) -> Solution:
+    """Minimise a unimodal error over the height, as the paper does (2D).
+
+    Ends when the interval is narrower than `tolerance` (m).
+    """
+    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
+    tried: list[tuple[float, float]] = []
+
+    def evaluate(height: float) -> float:
+        tried.append((height, error(height)))
+        return tried[-1][1]
+
+    inner, outer = high - ratio * (high - low), low + ratio * (high - low)
+    at_inner, at_outer = evaluate(inner), evaluate(outer)
+    while high - low > tolerance:
+        if at_inner < at_outer:
+            high, outer, at_outer = outer, inner, at_inner
+            inner = high - ratio * (high - low)
+            at_inner = evaluate(inner)
+        else:
+            low, inner, at_inner = inner, outer, at_outer
+            outer = low + ratio * (high - low)
+            at_outer = evaluate(outer)
+    return _best(tried)
+
+
+def grid(error: Error, low: float, high: float, spacing: float) -> Solution:
+    """Minimise any error over a grid of heights (2D)."""
+    count = round((high - low) / spacing) + 1
+    return _best([(height, error(height)) for height in np.linspace(low, high, count)])
+
+
+def _best(tried: list[tuple[float, float]]) -> Solution:
+    height, error = min(tried, key=lambda pair: pair[1])
+    found = Found.SOLVED if np.isfinite(error) else Found.UNREACHABLE
+    history = tuple((np.array([h]), np.array([e])) for h, e in tried)
+    return Solution(found, np.array([height]), error, history)
+
+
+def sign_changes(miss: Miss, low: float, high: float, count: int) -> list[tuple[float, float]]:
+    """Return the intervals of a coarse scan in which the miss changes sign (2D)."""
+    heights = np.linspace(low, high, count)
+    values = [miss(np.array([height])) for height in heights]
+    signs = [None if v is None else v[0] > 0.0 for v in values]
+    return [
+        (float(heights[i]), float(heights[i + 1]))
+        for i in range(count - 1)
+        if signs[i] is not None and signs[i + 1] is not None and signs[i] != signs[i + 1]
+    ]

@@ -1,0 +1,234 @@
+"""The scene: all that a case says, as plain frozen dataclasses in SI units."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from needlefem.contour import Contour
+from needlefem.knobs import knob
+from needlefem.materials import Isotropic
+
+Coordinates = tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """Local refinement of the mesh; a size of 0 leaves it as it is."""
+
+    corridor_size: float = knob(
+        "Element size along the needle", "length", default=0.0, low=0.0, closed=True
+    )
+    corridor_width: float = knob(
+        "Full width of the refined corridor around the needle's line",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    corridor_depth: float = knob(
+        "Depth below the skin to which the corridor reaches",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    contour_size: float = knob(
+        "Element size along the regions' contours", "length", default=0.0, low=0.0, closed=True
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BoxMesh:
+    """A box of simplices, cut from a regular grid."""
+
+    size: Coordinates = knob("Edge lengths of the box", "length", low=0.0)
+    origin: Coordinates = knob("Corner with the smallest coordinates", "length", default=())
+    divisions: tuple[int, ...] = knob("Squares along every axis", low=1.0, closed=True)
+    pattern: str = knob(
+        "How a square is cut into triangles: two of them, or four",
+        default="diagonal",
+        choices=("diagonal", "crossed"),
+    )
+    interfaces: str = knob(
+        "How cells meet a contour: assigned by their centroid, or moved onto it",
+        default="centroid",
+        choices=("centroid", "fitted"),
+    )
+    refine: Refinement = Refinement()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Region:
+    """A part of the tissue inside a closed contour."""
+
+    contour: Contour
+    material: str = knob("Name of its material")
+    cutting_force: float | None = knob(
+        "Cutting force here, where it differs from the needle's",
+        "cutting force",
+        default=None,
+        low=0.0,
+    )
+    shaft_friction: float | None = knob(
+        "Shaft friction here, where it differs from the needle's",
+        "shaft friction",
+        default=None,
+        low=0.0,
+        closed=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Support:
+    """Faces on which displacement components are held at zero."""
+
+    faces: tuple[str, ...] = knob("Named faces of the mesh")
+    fixed: tuple[str, ...] = knob("Axes whose displacement is held; all when left out", default=())
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Discretisation:
+    """Numbers of the method, as opposed to those of the tissue and the needle."""
+
+    element: str = knob("Element of the catalogue, or 'auto'", default="auto")
+    path_spacing: float = knob(
+        "Length of the pieces of the cut path that carry contact",
+        "length",
+        default=0.8e-3,
+        low=0.0,
+    )
+    kernel_points: int = knob(
+        "Quadrature points of the tip's kernel; 0 chooses by element size",
+        default=0,
+        low=0.0,
+        closed=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Needle:
+    """A rigid, thin, straight needle with a symmetric tip."""
+
+    tip_radius: float = knob(
+        "Radius of the disc (ball) over which the tip's force is spread",
+        "length",
+        default=1.27e-3,
+        low=0.0,
+    )
+    tip: str = knob(
+        "Spread over the disc, or a point force that never converges",
+        default="disc",
+        choices=("disc", "point"),
+    )
+    cutting_force: float = knob("Axial force at which the tip cuts", "cutting force", low=0.0)
+    shaft_friction: float = knob(
+        "Friction limit per unit length of the cut path", "shaft friction", low=0.0, closed=True
+    )
+    lateral_stiffness: float = knob(
+        "Stiffness that holds the cut path on the axis, per unit of its length",
+        "lateral stiffness",
+        default=1e10,
+        low=0.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A straight insertion at constant speed."""
+
+    direction: Coordinates = knob("Direction of insertion")
+    entry: Coordinates = knob(
+        "Point of the skin; where the line through the target meets it when left out",
+        "length",
+        default=(),
+    )
+    max_depth: float = knob("Largest feasible depth of the tip", "length", low=0.0)
+    speed: float = knob("Speed of insertion", "speed", default=5e-3, low=0.0)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Planning:
+    """How release points are searched."""
+
+    height_range: tuple[float, float] = knob(
+        "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
+    )
+    search: str = knob(
+        "Root of the signed miss, golden section as in the paper, or a grid",
+        default="root",
+        choices=("root", "golden", "grid"),
+    )
+    tolerance: float = knob(
+        "Signed miss at which the root is accepted", "length", default=1e-8, low=0.0
+    )
+    golden_tolerance: float = knob(
+        "Width of the height interval at which golden section and grid end",
+        "length",
+        default=1e-4,
+        low=0.0,
+    )
+    max_insertions: int = knob("Most insertions of one search", default=40, low=1.0, closed=True)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TargetDraw:
+    """Targets drawn uniformly inside a region, for statistics of the planner."""
+
+    region: str = knob("Region to draw in")
+    count: int = knob("How many targets", default=12, low=1.0, closed=True)
+    seed: int = knob("Seed of the random numbers", default=2003)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Outputs:
+    """What is written."""
+
+    folder: str = knob("Folder of the results, relative to the working directory", default="out")
+    pictures: tuple[str, ...] = knob(
+        "Pictures to draw: stages, depth, height", default=("stages", "depth", "height")
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Expectation:
+    """A value that a result must have, and where it comes from.
+
+    `value` is a number or a point (then `tolerance` bounds the distance); without a tolerance
+    it is an upper bound.
+    """
+
+    key: str
+    value: float | Coordinates
+    tolerance: float | None
+    unit: str
+    kind: str
+    source: str
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scene:
+    """All that a case says. Points are in metres, in the order of `axes`."""
+
+    title: str
+    axes: tuple[str, ...]
+    mesh: BoxMesh
+    materials: Mapping[str, Isotropic]
+    background: str
+    regions: Mapping[str, Region]
+    supports: Mapping[str, Support]
+    discretisation: Discretisation = Discretisation()
+    needle: Needle
+    motion: Motion
+    target: Coordinates | None = None
+    planning: Planning = Planning()
+    targets: TargetDraw | None = None
+    outputs: Outputs = Outputs()
+    expect: tuple[Expectation, ...] = ()
+    source: Path | None = None
+    overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return len(self.axes)
