@@ -128,7 +128,7 @@ class Needle:
     lateral_stiffness: float = knob(
         "Stiffness that holds the cut path on the axis, per unit of its length",
         "lateral stiffness",
-        default=1e10,
+        default=1e9,
         low=0.0,
     )
 

@@ -125,7 +125,14 @@ class March:
         depth = limit * float(trial.bare[0, 0] + trial.bare[0, 1:] @ lateral)
         reached = min(1.0, self.max_depth / depth)
         for share in (0.0, reached):
-            yield self._keep(_held(axis.entry, weights, share * depth, share * limit, lateral))
+            held = _held(axis.entry, weights, limit, lateral)
+            pressed = dataclasses.replace(
+                held,
+                depth=share * depth,
+                tip_force=share * limit,
+                tip_lateral=share * held.tip_lateral,
+            )
+            yield self._keep(pressed)
         if reached < 1.0:
             sentence = f"the skin is cut at {depth:.4g} m, beyond the largest depth"
             raise _StopError(Status.NOT_PUNCTURED, sentence)
@@ -216,6 +223,7 @@ class March:
                 depth=step.depth,
                 tip=step.tip,
                 tip_force=step.tip_force,
+                cutting_force=step.tip_force - step.excess,
                 tip_lateral=np.zeros(len(step.lateral)),
                 tip_nodes=weights.nodes,
                 tip_weights=weights.rows[0],
@@ -271,14 +279,15 @@ class March:
         return best if best.depth > self._states[-1].depth else None
 
 
-def _held(entry: Vector, weights: Weights, depth: float, force: float, lateral: Floats) -> State:
-    """Return the state of a tip that presses on the entry point without cutting."""
+def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> State:
+    """Return the state of a tip that presses on the entry point, about to cut."""
     none = np.zeros((0, len(lateral)))
     return State(
-        depth=depth,
+        depth=0.0,
         tip=entry,
-        tip_force=force,
-        tip_lateral=force * lateral,
+        tip_force=limit,
+        cutting_force=limit,
+        tip_lateral=limit * lateral,
         tip_nodes=weights.nodes,
         tip_weights=weights.rows[0],
         axial=np.zeros(0),

@@ -42,6 +42,8 @@ class State:
         Material point at the tip.
     tip_force : float, N (N/m in 2D)
         Axial force of the tip on the tissue, R.
+    cutting_force : float, N (N/m in 2D)
+        What the tip would cut at there.
     tip_lateral : array, shape (dim - 1,), N (N/m in 2D)
         Lateral force of the tip, which only a tip that holds its point has.
     tip_nodes, tip_weights : arrays, shape (k,)
@@ -59,6 +61,7 @@ class State:
     depth: float
     tip: Vector
     tip_force: float
+    cutting_force: float
     tip_lateral: Floats
     tip_nodes: Ints
     tip_weights: Floats

@@ -122,15 +122,15 @@ class Contact:
         displacement = coupling[:, :: self.dim] @ self.axial
         if self.background is not None:
             displacement += (weights.of(self.background) @ self.frame.T).ravel()
-        half, compliance = np.zeros((0, count)), bare
-        if self.pieces:
-            half = self._forward(coupling[:, self._laterals].T)
-            compliance = bare - half.T @ half
-            displacement = displacement + half.T @ self._reduced
+        half = self._forward(coupling[:, self._laterals].T)
+        compliance = bare - half.T @ half
+        displacement = displacement + half.T @ self._reduced
         return Trial(weights, loads, rows, response, bare, coupling, half, compliance, displacement)
 
     def _forward(self, rhs: Floats) -> Floats:
         """Return ``L^-1 rhs``."""
+        if not self.pieces:
+            return rhs
         solved, _ = dtrtrs(self._factor, rhs, lower=1)
         found: Floats = solved
         return found
@@ -225,6 +225,8 @@ class Contact:
         forces : array, shape (rows,)
             Forces on the trial's functionals.
         """
+        if not self.pieces:
+            return np.zeros((0, self.dim - 1))
         rhs = self._reduced - trial.half @ forces
         solved, _ = dtrtrs(self._factor, rhs, lower=1, trans=1)
         return np.asarray(solved).reshape(-1, self.dim - 1)
