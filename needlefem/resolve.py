@@ -7,7 +7,7 @@ from needlefem.elements import element_row
 from needlefem.scene import Discretisation, Scene
 
 MARCH = "march"
-MOST_KERNEL_POINTS = 400
+FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS = 48, 400
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,10 +47,10 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
         chosen = dataclasses.replace(chosen, element="P2")
     element_row(chosen.element)
     if chosen.kernel_points == 0 and scene.needle.tip == "disc":
-        spacing = 0.5 * tip_element_size(scene)
+        spacing = tip_element_size(scene) / 3.0
         wanted = math.pi * (scene.needle.tip_radius / spacing) ** scene.dim
-        points = max(24, min(MOST_KERNEL_POINTS, math.ceil(wanted)))
-        reasons["kernel_points"] = f"{points}: two points per element length inside the kernel"
+        points = max(FEWEST_KERNEL_POINTS, min(MOST_KERNEL_POINTS, math.ceil(wanted)))
+        reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"
         chosen = dataclasses.replace(chosen, kernel_points=points)
     return chosen
 

@@ -123,6 +123,7 @@ class Planner:
             raise CaseError("target.point", f"{where} is outside the tissue", "move it inside")
         self.entry = simulation.entry_through(target)
         self.laterals = simulation.instrument(self.entry).axis.laterals
+        self._level: Floats = np.zeros(len(self.laterals))
         self._known: dict[tuple[float, ...], tuple[Insertion, Path]] = {}
 
     def path(self, height: Floats) -> Path:
@@ -162,6 +163,20 @@ class Planner:
         error = float(np.linalg.norm(reach.point - self.target))
         return Release(entry + reach.depth * self.simulation.direction, reach.point, error)
 
+    def unplanned(self) -> Release | None:
+        """Return the release with the tip at the target in the world, as if nothing moved."""
+        path = self.path(self._level)
+        depth = float(self.simulation.direction @ (self.target - path.entry))
+        return self.release(self._level, path.at_depth(depth))
+
+    def depth_only(self) -> Release | None:
+        """Return the best release at the target's height."""
+        return self.release(self._level, self.path(self._level).closest(self.target))
+
+    def snapped(self) -> bool:
+        """Say whether the tip jumped in any insertion so far."""
+        return any(insertion.snaps for insertion, _ in self._known.values())
+
     def plan(self, search: str | None = None, *, all_solutions: bool = False) -> Plan:
         """Search the height; see `plan`."""
         start = time.perf_counter()
@@ -169,9 +184,6 @@ class Planner:
         search = search or self.simulation.scene.planning.search
         solution = self._search(search)
         spent = self.simulation.insertions - before
-        level = np.zeros(len(self.laterals))
-        level_path = self.path(level)
-        depth = float(self.simulation.direction @ (self.target - level_path.entry))
         status, sentence = self._judge(solution)
         best = self._best_reach(solution)
         scanned = self.simulation.insertions
@@ -181,8 +193,8 @@ class Planner:
             sentence=sentence,
             target=self.target,
             best=self.release(solution.height, best),
-            unplanned=self.release(level, level_path.at_depth(depth)),
-            depth_only=self.release(level, level_path.closest(self.target)),
+            unplanned=self.unplanned(),
+            depth_only=self.depth_only(),
             search=search,
             solution=solution,
             insertions=spent,
@@ -196,7 +208,7 @@ class Planner:
         numbers = self.simulation.scene.planning
         low, high = numbers.height_range
         if search == "root":
-            return self._root(np.zeros(len(self.laterals)), (low, high))
+            return self._root(self._level, (low, high))
         if len(self.laterals) != 1:
             raise CaseError("planning.search", f"'{search}' is for 2D scenes", "use 'root'")
         method = golden_section if search == "golden" else grid

@@ -1,0 +1,60 @@
+"""How far a state is from what small strain can describe."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.fem.model import Model
+from needlefem.insertion.fields import displacements
+from needlefem.insertion.result import Insertion
+
+LARGE_STRAIN = 0.3
+"""Principal strain outside the kernel from which on a result is warned."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Validity:
+    """Strains of one state.
+
+    Parameters
+    ----------
+    largest_strain : float
+        Largest principal strain (absolute) outside the tip's kernel.
+    smallest_volume_ratio : float
+        Smallest ``det(I + grad u)`` outside the tip's kernel.
+    folded_cells : int
+        Cells, the kernel's among them, that the displacement turns over.
+    """
+
+    largest_strain: float
+    smallest_volume_ratio: float
+    folded_cells: int
+
+    def warnings(self) -> list[str]:
+        """Return a sentence for everything that should not be believed."""
+        found = []
+        if self.largest_strain > LARGE_STRAIN:
+            found.append(
+                f"the largest strain away from the tip is {self.largest_strain:.2f}: "
+                "beyond small strain, take displacements there as indicative"
+            )
+        if self.folded_cells:
+            found.append(f"{self.folded_cells} mesh cells fold over: the state is not physical")
+        return found
+
+
+def validity(model: Model, insertion: Insertion, state: int, radius: float) -> Validity:
+    """Return the validity indicators of a state; `radius` (m) is that of the kernel."""
+    moved = displacements(model, insertion, [state])[:, 0]
+    gradient: Floats = model.basis.interpolate(moved).grad  # (dim, dim, ncells, npoints)
+    gradient = np.moveaxis(gradient, (0, 1), (2, 3))
+    volume = np.linalg.det(np.eye(model.dim) + gradient)
+    strain = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, 2, 3)))
+    where = np.moveaxis(np.asarray(model.basis.global_coordinates()), 0, 2)
+    away = np.linalg.norm(where - insertion.states[state].tip, axis=2) > radius
+    return Validity(
+        largest_strain=float(np.max(np.abs(strain[away]))),
+        smallest_volume_ratio=float(np.min(volume[away])),
+        folded_cells=int(np.count_nonzero(np.min(volume, axis=1) <= 0.0)),
+    )
