@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from needlefem.casefile.load import load_case
     from needlefem.insertion.simulation import simulate
     from needlefem.output.render import render
-    from needlefem.planning.planner import plan
+    from needlefem.planning.plan import plan
 
 __version__ = "0.1.0"
 __all__ = ["load_case", "plan", "render", "simulate"]
@@ -18,7 +18,7 @@ __all__ = ["load_case", "plan", "render", "simulate"]
 _HOMES = {
     "load_case": "needlefem.casefile.load",
     "simulate": "needlefem.insertion.simulation",
-    "plan": "needlefem.planning.planner",
+    "plan": "needlefem.planning.plan",
     "render": "needlefem.output.render",
 }
 

@@ -22,7 +22,6 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 import needlefem as nf
-from needlefem.contour import Contour
 from needlefem.errors import NeedlefemError
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
@@ -110,9 +109,8 @@ def scene_of(row: dict[str, float]) -> Scene:
     """Return the case with the parameters of a row."""
     case = nf.load_case(HERE / "case.toml")
     region = case.regions["prostate"]
-    turn = 2.0 * np.pi * np.arange(96) / 96
-    circle = RADIUS * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    contour = Contour(circle + [row["centre_y"], row["centre_z"]])
+    centre = region.contour.points.mean(axis=0)
+    contour = region.contour.moved(np.array([row["centre_y"], row["centre_z"]]) - centre)
     moduli = {"fat": row["fat_modulus"], "prostate": GLAND_MODULUS}
     return dataclasses.replace(
         case,

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem.arrays import Floats, Ints
-from needlefem.fem.model import Model
 from needlefem.insertion.result import Insertion
 
 
-def loads(model: Model, insertion: Insertion, states: Sequence[int]) -> Floats:
+def loads(insertion: Insertion, states: Sequence[int]) -> Floats:
     """Return the needle's forces on the tissue in some states, shape (ndofs, nstates), N (N/m)."""
-    frame = insertion.axis.frame
+    model, frame = insertion.model, insertion.axis.frame
     found = np.zeros((model.ndofs, len(states)))
     for column, number in enumerate(states):
         state = insertion.states[number]
@@ -27,6 +26,6 @@ def _add(target: Floats, dofs: Ints, weights: Floats, force: Floats) -> None:
     target[dofs] += weights[:, None] * force  # a functional has every node once
 
 
-def displacements(model: Model, insertion: Insertion, states: Sequence[int]) -> Floats:
+def displacements(insertion: Insertion, states: Sequence[int]) -> Floats:
     """Return the displacement of all dofs in some states, shape (ndofs, nstates), m."""
-    return model.solve(loads(model, insertion, states))
+    return insertion.model.solve(loads(insertion, states))

@@ -14,18 +14,13 @@ default, the second an independent check of it.
 """
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
-from needlefem.fem.model import Model
 from needlefem.insertion.fields import loads
 from needlefem.insertion.result import Insertion, State
-
-TipMean = Callable[[Vector], Weights]
-"""The mean over the tip's kernel at a material point, one row."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,26 +47,21 @@ class Ledger:
         return abs(self.work - spent) / abs(self.work) if self.work else 0.0
 
 
-def ledger(
-    model: Model, insertion: Insertion, tip_mean: TipMean, *, trapezoidal: bool = False
-) -> Ledger:
+def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     """Return the energy ledger of an insertion.
 
     Parameters
     ----------
-    model : Model
     insertion : Insertion
-    tip_mean : callable
-        The instrument's kernel mean.
     trapezoidal : bool
         Integrate the gradient part of the tip's dissipation by the trapezoidal rule.
     """
     numbers = range(len(insertion.states))
-    force = loads(model, insertion, numbers)
-    moved = model.solve(force)
-    energy = 0.5 * np.einsum("ij,ij->j", moved, model.stiffness @ moved)
+    force = loads(insertion, numbers)
+    moved = insertion.model.solve(force)
+    energy = 0.5 * np.einsum("ij,ij->j", moved, insertion.model.stiffness @ moved)
     steps = [
-        _Step(model, insertion, number, moved[:, number : number + 2], tip_mean)
+        _Step(insertion, number, moved[:, number : number + 2])
         for number in range(len(insertion.states) - 1)
     ]
     work = float(sum(step.work for step in steps))
@@ -97,10 +87,8 @@ def _hold(insertion: Insertion, state: State) -> float:
 class _Step:
     """One step between states `number` and `number + 1`."""
 
-    def __init__(
-        self, model: Model, insertion: Insertion, number: int, moved: Floats, tip_mean: TipMean
-    ) -> None:
-        self.insertion, self.tip_mean = insertion, tip_mean
+    def __init__(self, insertion: Insertion, number: int, moved: Floats) -> None:
+        self.insertion, model = insertion, insertion.model
         self.old, self.new = insertion.states[number], insertion.states[number + 1]
         self.fields = [model.nodal(moved[:, 0]), model.nodal(moved[:, 1])]
         self.travel = self.new.depth - self.old.depth
@@ -161,6 +149,7 @@ class _Step:
         rates = []
         for state, field in zip((self.old, self.new), self.fields, strict=True):
             small = 1e-3 * path
-            ahead, behind = self.tip_mean(state.tip + small), self.tip_mean(state.tip - small)
+            mean = self.insertion.instrument.tip
+            ahead, behind = mean(state.tip + small), mean(state.tip - small)
             rates.append(float((ahead.of(field) - behind.of(field))[0] @ direction) / 2e-3)
         return np.array(rates) if length else np.zeros(2)

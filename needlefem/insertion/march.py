@@ -13,10 +13,12 @@ import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.fem.interpolation import OutsideError, Weights
+from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.insertion.result import Insertion, Outcome, Snap, State, Status
 from needlefem.needle.contact import Contact, Trial
 from needlefem.needle.instrument import Instrument
+from needlefem.scene import Scene
 
 TOLERANCE = 1e-12
 """Lateral distance of the tip from the axis at which a step is solved, m."""
@@ -91,10 +93,12 @@ class March:
         except OutsideError:
             self.outcome = Outcome(Status.LEFT_TISSUE, "the tip left the tissue")
 
-    def result(self) -> Insertion:
-        """Return the insertion as far as it went."""
+    def result(self, scene: Scene, model: Model) -> Insertion:
+        """Return the insertion, as far as it went, of a scene in its tissue."""
         return Insertion(
-            axis=self.instrument.axis,
+            scene=scene,
+            model=model,
+            instrument=self.instrument,
             outcome=self.outcome,
             states=tuple(self._states),
             pieces=tuple(self.contact.pieces),

@@ -7,8 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, Vector
+from needlefem.fem.model import Model
 from needlefem.needle.axis import Axis
 from needlefem.needle.contact import Piece
+from needlefem.needle.instrument import Instrument
+from needlefem.scene import Scene
 
 
 class Status(StrEnum):
@@ -94,8 +97,12 @@ class Insertion:
 
     Parameters
     ----------
-    axis : Axis
-        The needle's line.
+    scene : Scene
+        Resolved.
+    model : Model
+        The tissue.
+    instrument : Instrument
+        The needle on its line.
     outcome : Outcome
         How it ended; the path so far is there whatever the status.
     states : tuple of State
@@ -108,12 +115,19 @@ class Insertion:
         Contact evaluations spent.
     """
 
-    axis: Axis
+    scene: Scene
+    model: Model
+    instrument: Instrument
     outcome: Outcome
     states: tuple[State, ...]
     pieces: tuple[Piece, ...]
     snaps: tuple[Snap, ...]
     evaluations: int
+
+    @property
+    def axis(self) -> Axis:
+        """The needle's line."""
+        return self.instrument.axis
 
     @cached_property
     def depths(self) -> Floats:

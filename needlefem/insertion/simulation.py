@@ -25,6 +25,8 @@ MOST_SHARED_UNKNOWNS = 40_000
 
 Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
+Watch = Callable[[State], None]
+"""Sees every state, for progress."""
 
 
 class Simulation:
@@ -36,6 +38,8 @@ class Simulation:
         As read; it is resolved here.
     model : Model, optional
         The scene's discretised tissue, when it is there already.
+    watch : callable, optional
+        Called with every state of every insertion.
 
     Raises
     ------
@@ -43,7 +47,10 @@ class Simulation:
         The scene can't be built.
     """
 
-    def __init__(self, scene: Scene, model: Model | None = None) -> None:
+    def __init__(
+        self, scene: Scene, model: Model | None = None, watch: Watch | None = None
+    ) -> None:
+        self._watch = watch
         self.resolved: Resolved = resolve(scene)
         self.scene = self.resolved.scene
         self.model = build_model(self.scene) if model is None else model
@@ -127,11 +134,13 @@ class Simulation:
         """Push the needle in at an entry, to the largest depth or until `stop` says so."""
         march = March(self.instrument(entry), self.responses, self.scene.motion.max_depth)
         for state in march.iterate():
+            if self._watch is not None:
+                self._watch(state)
             if stop is not None and stop(state):
                 break
         self.insertions += 1
         self.evaluations += march.evaluations
-        return march.result()
+        return march.result(self.scene, self.model)
 
 
 def simulate(scene: Scene) -> Insertion:

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 
 from needlefem.arrays import Floats
-from needlefem.fem.model import Model
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 
@@ -44,9 +43,10 @@ class Validity:
         return found
 
 
-def validity(model: Model, insertion: Insertion, state: int, radius: float) -> Validity:
-    """Return the validity indicators of a state; `radius` (m) is that of the kernel."""
-    moved = displacements(model, insertion, [state])[:, 0]
+def validity(insertion: Insertion, state: int) -> Validity:
+    """Return the validity indicators of a state."""
+    model, radius = insertion.model, insertion.scene.needle.tip_radius
+    moved = displacements(insertion, [state])[:, 0]
     gradient: Floats = model.basis.interpolate(moved).grad  # (dim, dim, ncells, npoints)
     gradient = np.moveaxis(gradient, (0, 1), (2, 3))
     volume = np.linalg.det(np.eye(model.dim) + gradient)

@@ -1,9 +1,5 @@
 """Plan where to release so that the point ends on the target."""
 
-import dataclasses
-import time
-from enum import StrEnum
-
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
@@ -11,6 +7,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.path import Path, Reach
 from needlefem.insertion.result import Insertion, State
 from needlefem.insertion.simulation import Simulation
+from needlefem.planning.result import Plan, PlanStatus, Release
 from needlefem.planning.search import (
     Found,
     Solution,
@@ -19,86 +16,11 @@ from needlefem.planning.search import (
     sign_changes,
     signed_root,
 )
-from needlefem.scene import Scene
 
 BEYOND = 3
 """States computed beyond the target, so that interpolation there is central."""
 SCAN = 9
 """Heights of the coarse scan for further solutions."""
-
-
-class PlanStatus(StrEnum):
-    """How planning ended."""
-
-    PLANNED = "planned"
-    OUTSIDE_RANGE = "outside_range"
-    UNREACHABLE = "unreachable"
-    NOT_CONVERGED = "not_converged"
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Release:
-    """A release in the world and where the point comes to rest.
-
-    Parameters
-    ----------
-    release_point : array, shape (dim,), m
-        Tip in the world.
-    placed_at : array, shape (dim,), m
-        Resting place, in the undeformed tissue.
-    placement_error : float, m
-        Distance of the resting place from the target.
-    """
-
-    release_point: Vector
-    placed_at: Vector
-    placement_error: float
-
-
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Plan:
-    """The outcome of planning.
-
-    Parameters
-    ----------
-    status : PlanStatus
-    sentence : str
-    target : array, shape (dim,), m
-    best : Release or None
-        The planned release (the best one tried, if none solved the search).
-    unplanned : Release or None
-        Released with the tip at the target in the world, as if nothing moved.
-    depth_only : Release or None
-        At the target's height, at the best depth.
-    search : str
-        Which search was used.
-    solution : Solution
-        Heights tried and what they missed by.
-    insertions : int
-        Insertions spent on the search.
-    insertion : Insertion or None
-        The planned insertion.
-    other_solutions : tuple of float or None
-        Further heights that hit the target (relative to it, m); None if not asked for.
-    scan_insertions : int
-        Insertions spent on looking for them.
-    seconds : float
-        Time spent on the search.
-    """
-
-    status: PlanStatus
-    sentence: str
-    target: Vector
-    best: Release | None
-    unplanned: Release | None
-    depth_only: Release | None
-    search: str
-    solution: Solution
-    insertions: int
-    insertion: Insertion | None
-    other_solutions: tuple[float, ...] | None = None
-    scan_insertions: int = 0
-    seconds: float = 0.0
 
 
 class Planner:
@@ -178,8 +100,7 @@ class Planner:
         return any(insertion.snaps for insertion, _ in self._known.values())
 
     def plan(self, search: str | None = None, *, all_solutions: bool = False) -> Plan:
-        """Search the height; see `plan`."""
-        start = time.perf_counter()
+        """Search the height; see `needlefem.plan`."""
         before = self.simulation.insertions
         search = search or self.simulation.scene.planning.search
         solution = self._search(search)
@@ -201,7 +122,6 @@ class Planner:
             insertion=self._insert(solution.height)[0],
             other_solutions=others,
             scan_insertions=self.simulation.insertions - scanned,
-            seconds=time.perf_counter() - start,
         )
 
     def _search(self, search: str) -> Solution:
@@ -265,36 +185,3 @@ class _Passed:
         passed = float(state.tip @ self._direction) > self._target and state.depth > self._depth
         self._beyond = self._beyond + 1 if passed else 0
         return self._beyond >= BEYOND
-
-
-def plan(
-    scene: Scene,
-    target: Vector | None = None,
-    search: str | None = None,
-    *,
-    all_solutions: bool = False,
-) -> Plan:
-    """Find the release point from which a seed, biopsy or injection ends on the target.
-
-    Parameters
-    ----------
-    scene : Scene
-    target : array, shape (dim,), m, optional
-        The case's own target when left out.
-    search : str, optional
-        ``"root"`` of the signed lateral miss; ``"golden"`` section on the error, as in the paper
-        (R. Alterovitz et al., IROS 2003, section V.C); ``"grid"`` where the error is not
-        unimodal. The case's choice when left out.
-    all_solutions : bool
-        Also scan the range for further heights that hit the target.
-
-    Raises
-    ------
-    CaseError
-        The scene can't be built, or the target is missing or outside the tissue.
-    """
-    chosen = target if target is not None else scene.target
-    if chosen is None:
-        raise CaseError("target.point", "missing", "give a target to plan for")
-    planner = Planner(Simulation(scene), np.asarray(chosen, dtype=float))
-    return planner.plan(search, all_solutions=all_solutions)

@@ -8,7 +8,8 @@ import numpy as np
 from needlefem.arrays import Points, Vector
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.planner import Plan, Planner, PlanStatus
+from needlefem.planning.planner import Planner
+from needlefem.planning.result import Plan, PlanStatus, Release
 from needlefem.scene import Scene
 
 
@@ -42,9 +43,8 @@ class TargetTable:
         return [_error(plan.unplanned) for plan in self.plans]
 
 
-def _error(release: object) -> float:
-    found = getattr(release, "placement_error", None)
-    return np.inf if found is None else float(found)
+def _error(release: Release | None) -> float:
+    return np.inf if release is None else release.placement_error
 
 
 def draw_targets(scene: Scene) -> Points:

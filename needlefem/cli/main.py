@@ -1,0 +1,99 @@
+"""``needlefem run|plan|verify|study``: arguments, dispatch, exit statuses.
+
+0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
+4 no renderer.
+"""
+
+import argparse
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib import import_module
+
+from needlefem.errors import NeedlefemError
+
+COMMANDS = {
+    "run": "push the needle of a case in and report what happens",
+    "plan": "find the release point that ends on the case's target",
+    "verify": "run the reference problems",
+    "study": "measure what the answers of a case depend on",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status."""
+    # the dense products here are small: threads only cost; must be set before numpy is imported
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    options = _parser().parse_args(arguments)
+    try:
+        command = import_module(f"needlefem.cli.{options.command}")
+        return int(command.main(options))
+    except NeedlefemError as error:
+        if options.debug:
+            traceback.print_exc()
+        sys.stderr.write(f"needlefem: {error}\n")
+        return error.exit_status
+    except KeyboardInterrupt:
+        sys.stderr.write("needlefem: interrupted\n")
+        return 3
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="needlefem", description=__doc__.splitlines()[0])
+    parser.set_defaults(debug=False)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, sentence in COMMANDS.items():
+        sub = commands.add_parser(name, help=sentence, description=sentence)
+        sub.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+        sub.add_argument("--debug", action="store_true", help="show a traceback with an error")
+        _OPTIONS[name](sub)
+    return parser
+
+
+def _case(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("case", help="path of a case.toml")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+        help='replace a key of the case, as in --set needle.tip_radius="1 mm"',
+    )  # fmt: skip
+
+
+def _output(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--out", metavar="DIR", help="write results and pictures there")
+    parser.add_argument("--no-pictures", action="store_true", help="write no pictures")
+
+
+def _run(parser: argparse.ArgumentParser) -> None:
+    _case(parser)
+    _output(parser)
+
+
+def _plan(parser: argparse.ArgumentParser) -> None:
+    _case(parser)
+    _output(parser)
+    parser.add_argument("--search", choices=("root", "golden", "grid"), help="how to search")
+    parser.add_argument(
+        "--all-solutions", action="store_true", help="look for further heights that hit the target"
+    )
+
+
+def _verify(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("names", nargs="*", help="problems to run; all when left out")
+    parser.add_argument(
+        "--problems", default="verification", metavar="DIR", help="folder of the problems"
+    )
+    parser.add_argument("--record", action="store_true", help="keep the answers as own record")
+
+
+def _study(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("study", help="name of the study; 'list' names them")
+    _case(parser)
+    parser.add_argument("--on", metavar="CASE", help="second case of a study that needs one")
+
+
+_OPTIONS = {"run": _run, "plan": _plan, "verify": _verify, "study": _study}
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,65 @@
+"""``needlefem plan``."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from needlefem.casefile.load import load_case
+from needlefem.cli.common import centimetres, progress, say, say_json, warn
+from needlefem.output.expectations import compare
+from needlefem.output.files import write_json
+from needlefem.output.records import plan_record
+from needlefem.planning.plan import plan
+from needlefem.planning.result import Plan, PlanStatus
+from needlefem.scene import Scene
+
+
+def main(options: argparse.Namespace) -> int:
+    """Plan, print, write; return the exit status."""
+    scene = load_case(options.case, options.overrides)
+    with progress("planning") as watch:
+        found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
+    record = {"case": scene.title, "overrides": scene.overrides} | plan_record(found)
+    expected = compare(scene.expect, record, "plan", scene.axes)
+    record["expect"] = None if expected is None else expected.record()
+    if options.json:
+        say_json(record)
+    else:
+        _summary(scene, found, record)
+        if expected is not None:
+            say("\n" + expected.text())
+    if options.out:
+        folder = Path(options.out)
+        write_json(folder / "plan.json", record)
+        if not options.no_pictures:
+            from needlefem.output.planpictures import draw_plan  # noqa: PLC0415
+
+            for path in draw_plan(scene, found, folder):
+                if not options.json:
+                    say(f"wrote {path}")
+    if found.status is not PlanStatus.PLANNED:
+        return 3
+    return 0 if expected is None or expected.passed else 1
+
+
+def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
+    say(f"{scene.title}: {found.status}, {found.sentence}")
+    lines = {"release at": found.best, "unplanned": found.unplanned, "depth only": found.depth_only}
+    for name, release in lines.items():
+        if release is not None:
+            say(
+                f"  {name:11s} {centimetres(release.release_point)} -> "
+                f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
+            )
+    say(f"  {found.insertions} insertions ({found.search}), target {centimetres(found.target)}")
+    if found.other_solutions is not None:
+        heights = ", ".join(f"{100 * h:+.4f} cm" for h in found.other_solutions) or "none"
+        say(f"  other heights that hit: {heights} ({found.scan_insertions} insertions to scan)")
+    if found.evidence is not None:
+        checks = found.evidence.preflight
+        say(f"  {len(checks)} checks passed before planning: {', '.join(c.name for c in checks)}")
+        if found.evidence.ledger is not None:
+            say(f"  energy ledger closes to {found.evidence.ledger.residual:.1e} of the work")
+        seconds = sum(found.evidence.timings.values())
+        say(f"  {seconds:.2f} s, without: {', '.join(record['skipped'])}")
+        warn(found.evidence.warnings)

@@ -1,0 +1,95 @@
+"""Results as plain data: the JSON contract of `plan` and `run`. Points in metres."""
+
+import dataclasses
+from typing import Any
+
+from needlefem.checks.result import CheckResult
+from needlefem.insertion.ledger import Ledger
+from needlefem.insertion.path import Reach
+from needlefem.insertion.result import Insertion
+from needlefem.planning.result import Evidence, Plan, Release
+from needlefem.planning.search import Solution
+
+
+def check_record(check: CheckResult) -> dict[str, Any]:
+    """Return a check with its verdict."""
+    return dataclasses.asdict(check) | {"passed": check.passed}
+
+
+def release_record(release: Release | None) -> dict[str, Any] | None:
+    """Return where something was released and where it came to rest."""
+    return None if release is None else dataclasses.asdict(release)
+
+
+def plan_record(plan: Plan) -> dict[str, Any]:
+    """Return a plan; see `docs/json.md`."""
+    best = plan.best
+    return {
+        "status": plan.status,
+        "sentence": plan.sentence,
+        "target": plan.target,
+        "release_point": None if best is None else best.release_point,
+        "placed_at": None if best is None else best.placed_at,
+        "placement_error": None if best is None else best.placement_error,
+        "unplanned": release_record(plan.unplanned),
+        "depth_only": release_record(plan.depth_only),
+        "insertions": plan.insertions,
+        "search": search_record(plan.search, plan.solution),
+        "other_solutions": plan.other_solutions,
+        "scan_insertions": plan.scan_insertions,
+        "snaps": 0 if plan.insertion is None else len(plan.insertion.snaps),
+    } | ({} if plan.evidence is None else _evidence_record(plan.evidence))
+
+
+def _evidence_record(evidence: Evidence) -> dict[str, Any]:
+    energies, strains = evidence.ledger, evidence.validity
+    return {
+        "energy_residual": None if energies is None else energies.residual,
+        "energy": None if energies is None else ledger_record(energies),
+        "validity": None if strains is None else dataclasses.asdict(strains),
+        "preflight": [check_record(check) for check in evidence.preflight],
+        "timings": evidence.timings,
+        "skipped": evidence.skipped,
+        "reasons": evidence.reasons,
+        "warnings": evidence.warnings,
+    }
+
+
+def search_record(name: str, solution: Solution) -> dict[str, Any]:
+    """Return the heights that a search tried (relative to the target's) and their misses."""
+    heights = [height for height, _ in solution.tried]
+    misses = [miss for _, miss in solution.tried]
+    return {"method": name, "found": solution.found, "heights": heights, "misses": misses}
+
+
+def ledger_record(found: Ledger) -> dict[str, Any]:
+    """Return the terms of an energy ledger, J (J/m in 2D), and its residual."""
+    return dataclasses.asdict(found) | {"residual": found.residual}
+
+
+def insertion_record(insertion: Insertion) -> dict[str, Any]:
+    """Return the histories of an insertion."""
+    states = insertion.states
+    return {
+        "status": insertion.outcome.status,
+        "sentence": insertion.outcome.sentence,
+        "puncture_depth": insertion.puncture_depth,
+        "depth": insertion.depths,
+        "tip_path": insertion.tips,
+        "tip_force": [state.tip_force for state in states],
+        "shaft_force": [float(state.axial.sum()) for state in states],
+        "jumping": [state.jumping for state in states],
+        "snaps": [dataclasses.asdict(snap) for snap in insertion.snaps],
+        "evaluations": insertion.evaluations,
+    }
+
+
+def seed_record(insertion: Insertion, reach: Reach, error: float | None) -> dict[str, Any]:
+    """Return a seed: where the tip let it go, where it rests, and its distance to the target."""
+    cut = insertion.puncture_depth is not None and reach.depth >= insertion.puncture_depth
+    return {
+        "released_at": insertion.axis.tip(reach.depth),
+        "placed_at": reach.point,
+        "placement_error": error,
+        "status": "placed" if cut else "not_punctured",
+    }

@@ -1,0 +1,48 @@
+"""Plain tables for terminals and JSON."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Table:
+    """Rows under titles.
+
+    Parameters
+    ----------
+    title : str
+    columns : tuple of str
+    rows : sequence of sequences
+        Cells are shown as they are when text, else with 4 significant digits.
+    passed : bool
+        Whether everything that the table demands holds.
+    note : str
+        A sentence under it.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[Any]]
+    passed: bool = True
+    note: str = ""
+
+    def text(self) -> str:
+        """Return the table as aligned text."""
+        cells = [list(self.columns), *([_cell(value) for value in row] for row in self.rows)]
+        widths = [max(len(row[i]) for row in cells) for i in range(len(self.columns))]
+        lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in cells]
+        lines.insert(1, "  ".join("-" * w for w in widths))
+        body = [self.title, *(line.rstrip() for line in lines)]
+        return "\n".join([*body, self.note] if self.note else body)
+
+    def record(self) -> dict[str, Any]:
+        """Return the table as plain data for JSON."""
+        rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        return {"title": self.title, "rows": rows, "passed": self.passed, "note": self.note}
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,114 @@
+"""The outcome of planning."""
+
+import dataclasses
+from collections.abc import Mapping
+from enum import StrEnum
+
+from needlefem.arrays import Vector
+from needlefem.checks.result import CheckResult
+from needlefem.insertion.ledger import Ledger
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.validity import Validity
+from needlefem.planning.search import Solution
+
+
+class PlanStatus(StrEnum):
+    """How planning ended."""
+
+    PLANNED = "planned"
+    OUTSIDE_RANGE = "outside_range"
+    UNREACHABLE = "unreachable"
+    NOT_CONVERGED = "not_converged"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Release:
+    """A release in the world and where the point comes to rest.
+
+    Parameters
+    ----------
+    release_point : array, shape (dim,), m
+        Tip in the world.
+    placed_at : array, shape (dim,), m
+        Resting place, in the undeformed tissue.
+    placement_error : float, m
+        Distance of the resting place from the target.
+    """
+
+    release_point: Vector
+    placed_at: Vector
+    placement_error: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """What speaks for and against a plan.
+
+    Parameters
+    ----------
+    preflight : tuple of CheckResult
+        Checks of the very discretisation, run before planning.
+    ledger : Ledger or None
+        Energies of the planned insertion.
+    validity : Validity or None
+        Strains at the planned release.
+    warnings : tuple of str
+    skipped, reasons : mapping
+        What the scene did without, and why it was resolved as it was.
+    timings : mapping
+        Seconds by stage.
+    """
+
+    preflight: tuple[CheckResult, ...]
+    ledger: Ledger | None
+    validity: Validity | None
+    warnings: tuple[str, ...]
+    skipped: Mapping[str, str]
+    reasons: Mapping[str, str]
+    timings: Mapping[str, float]
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Plan:
+    """The outcome of planning.
+
+    Parameters
+    ----------
+    status : PlanStatus
+    sentence : str
+    target : array, shape (dim,), m
+    best : Release or None
+        The planned release (the best one tried, if none solved the search).
+    unplanned : Release or None
+        Released with the tip at the target in the world, as if nothing moved.
+    depth_only : Release or None
+        At the target's height, at the best depth.
+    search : str
+        Which search was used.
+    solution : Solution
+        Heights tried and what they missed by.
+    insertions : int
+        Insertions spent on the search.
+    insertion : Insertion or None
+        The planned insertion.
+    other_solutions : tuple of float or None
+        Further heights that hit the target (relative to it, m); None if not asked for.
+    scan_insertions : int
+        Insertions spent on looking for them.
+    evidence : Evidence or None
+        None from `Planner.plan`, which only searches.
+    """
+
+    status: PlanStatus
+    sentence: str
+    target: Vector
+    best: Release | None
+    unplanned: Release | None
+    depth_only: Release | None
+    search: str
+    solution: Solution
+    insertions: int
+    insertion: Insertion | None
+    other_solutions: tuple[float, ...] | None = None
+    scan_insertions: int = 0
+    evidence: Evidence | None = None
