@@ -37,7 +37,7 @@ def plan_record(plan: Plan) -> dict[str, Any]:
         "search": search_record(plan.search, plan.solution),
         "other_solutions": plan.other_solutions,
         "scan_insertions": plan.scan_insertions,
-        "snaps": 0 if plan.insertion is None else len(plan.insertion.snaps),
+        "snaps": len(plan.insertion.snaps),
     } | ({} if plan.evidence is None else _evidence_record(plan.evidence))
 
 

@@ -83,7 +83,7 @@ def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
 def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ...]) -> Evidence:
     insertion, energies, strains = found.insertion, None, None
     warnings = list(simulation.resolved.warnings)
-    if insertion is not None and found.best is not None:
+    if found.best is not None:
         energies = ledger(insertion)
         depth = float(insertion.axis.along(found.best.release_point))
         state = min(int(np.searchsorted(insertion.depths, depth)), len(insertion.states) - 1)

@@ -120,6 +120,7 @@ class Planner:
             solution=solution,
             insertions=spent,
             insertion=self._insert(solution.height)[0],
+            level=self._insert(self._level)[0],
             other_solutions=others,
             scan_insertions=self.simulation.insertions - scanned,
         )

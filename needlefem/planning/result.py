@@ -89,8 +89,8 @@ class Plan:
         Heights tried and what they missed by.
     insertions : int
         Insertions spent on the search.
-    insertion : Insertion or None
-        The planned insertion.
+    insertion, level : Insertion
+        The planned insertion, and that at the target's height.
     other_solutions : tuple of float or None
         Further heights that hit the target (relative to it, m); None if not asked for.
     scan_insertions : int
@@ -108,7 +108,8 @@ class Plan:
     search: str
     solution: Solution
     insertions: int
-    insertion: Insertion | None
+    insertion: Insertion
+    level: Insertion
     other_solutions: tuple[float, ...] | None = None
     scan_insertions: int = 0
     evidence: Evidence | None = None

@@ -1,0 +1,218 @@
+"""The pictures of a plan: its stages, error against depth, depth and error against height."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.insertion.path import Path as CutPath
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.simulation import Simulation
+from needlefem.output.driver import renderer
+from needlefem.output.render import Canvas, Style, Window, save, vertex_displacement
+from needlefem.planning.planner import Planner
+from needlefem.planning.result import Plan, Release
+from needlefem.scene import Scene
+
+CURVE_POINTS = 200
+HEIGHTS = 25
+HEIGHT_SPAN = 6e-3
+"""Range of heights in the height picture, m: that of the paper's Fig. 6."""
+
+
+def draw_plan(scene: Scene, plan: Plan, folder: Path) -> list[Path]:
+    """Draw the pictures that the scene asks for; return their files."""
+    painters: dict[str, Callable[[Scene, Plan, Path], Path]] = {
+        "stages": draw_stages,
+        "depth": draw_depth,
+        "height": draw_height,
+    }
+    wanted = [name for name in scene.outputs.pictures if plan.best is not None]
+    return [painters[name](scene, plan, folder / f"{name}.png") for name in wanted]
+
+
+class _Column:
+    """One column of the stages: an insertion and its release."""
+
+    def __init__(self, title: str, insertion: Insertion, release: Release, target: Vector) -> None:
+        self.title, self.insertion, self.release, self.target = title, insertion, release, target
+        self.depth = float(insertion.axis.along(release.release_point))
+
+
+def draw_stages(scene: Scene, plan: Plan, path: Path) -> Path:
+    """Draw insertion, release and placement, without (left) and with the plan (right).
+
+    Rows: before, released at the tip, retracted, placement error; after the paper's Fig. 1.
+    """
+    if plan.best is None or plan.unplanned is None:
+        raise ValueError("a plan without a release has no stages")
+    columns = (
+        _Column("without planning", plan.level, plan.unplanned, plan.target),
+        _Column("with planning", plan.insertion, plan.best, plan.target),
+    )
+    pv = renderer()
+    style = Style()
+    plotter = pv.Plotter(off_screen=True, shape=(4, 2), window_size=[1600, 2360], border=False)
+    plotter.set_background(style.background)
+    for across, column in enumerate(columns):
+        for down, stage in enumerate((_before, _released, _retracted, _error)):
+            plotter.subplot(down, across)
+            stage(Canvas(plotter, column.insertion.axis, style), column, scene)
+    return save(plotter, path)
+
+
+def _window(canvas: Canvas, column: _Column) -> Window:
+    """Show the needle's side of the tissue: from behind the skin to well past the target."""
+    axis = column.insertion.axis
+    middle = 0.5 * (axis.tip(-0.012) + axis.tip(float(axis.along(column.target)) + 0.025))
+    raised = middle + 0.006 * axis.laterals[0]
+    return Window(canvas.screen(raised)[0, :2], 0.067, 0.0485)
+
+
+def _finish(canvas: Canvas, column: _Column, title: str) -> None:
+    window = _window(canvas, column)
+    canvas.look(window)
+    canvas.scale_bar(window, 0.01, "1 cm")
+    canvas.title(title)
+
+
+def _before(canvas: Canvas, column: _Column, scene: Scene) -> None:
+    radius = scene.needle.tip_radius
+    canvas.tissue(column.insertion.model.mesh)
+    canvas.needle(column.insertion.axis.tip(0.0), radius, 0.05)
+    canvas.target(column.target, 2.0 * radius)
+    _finish(canvas, column, f"{column.title}: before insertion")
+
+
+def _released(canvas: Canvas, column: _Column, scene: Scene) -> None:
+    radius = scene.needle.tip_radius
+    moved = vertex_displacement(column.insertion, column.depth)
+    canvas.tissue(column.insertion.model.mesh, moved)
+    canvas.needle(column.release.release_point, radius, column.depth + 0.05)
+    canvas.target(column.target, 2.0 * radius)
+    canvas.seed(column.release.release_point, 1.2 * radius)
+    where = ", ".join(f"{100 * x:.2f}" for x in column.release.release_point)
+    _finish(canvas, column, f"seed released at ({where}) cm")
+
+
+def _retracted(canvas: Canvas, column: _Column, scene: Scene) -> None:
+    radius = scene.needle.tip_radius
+    canvas.tissue(column.insertion.model.mesh)
+    canvas.target(column.target, 2.0 * radius)
+    canvas.seed(column.release.placed_at, 1.2 * radius)
+    where = ", ".join(f"{100 * x:.2f}" for x in column.release.placed_at)
+    _finish(canvas, column, f"needle retracted, seed rests at ({where}) cm")
+
+
+def _error(canvas: Canvas, column: _Column, scene: Scene) -> None:
+    radius = scene.needle.tip_radius
+    canvas.tissue(column.insertion.model.mesh)
+    canvas.target(column.target, 1.2 * radius)
+    canvas.line(column.target, column.release.placed_at, 5.0)
+    canvas.seed(column.release.placed_at, 0.8 * radius)
+    middle = canvas.screen(column.target)[0, :2] + np.array([4e-3, 0.0])
+    window = Window(middle, 0.0245, 0.0177)
+    canvas.look(window)
+    canvas.scale_bar(window, 0.005, "5 mm")
+    error = 100.0 * column.release.placement_error
+    text = (
+        f"{error:.2f} cm"
+        if error >= 0.01
+        else "below 0.0001 cm"
+        if error < 1e-4
+        else f"{error:.4f} cm"
+    )
+    canvas.title(f"placement error {text}")
+
+
+def _chart(plotter: Any, title: str, x: str, y: str) -> Any:
+    chart = renderer().Chart2D()
+    chart.title = title
+    chart.x_label, chart.y_label = x, y
+    for axis in (chart.x_axis, chart.y_axis):
+        axis.label_size, axis.tick_label_size = 26, 22
+    chart.GetTitleProperties().SetFontSize(28)
+    chart.GetLegend().SetLabelSize(22)
+    plotter.add_chart(chart)
+    return chart
+
+
+def draw_depth(scene: Scene, plan: Plan, path: Path) -> Path:
+    """Draw the error of a release at the target's height against its depth (Fig. 5).
+
+    The bold part lies inside the region of the target.
+    """
+    style = Style()
+    simulation = Simulation(scene)
+    target = plan.target
+    insertion = simulation.insert(simulation.entry_through(target))
+    cut = CutPath(insertion)
+    depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)
+    reached = [cut.at_depth(float(depth)) for depth in depths]
+    points = np.array([np.full(2, np.nan) if r is None else r.point for r in reached])
+    error = 100.0 * np.linalg.norm(points - target, axis=1)
+    plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
+    plotter.set_background(style.background)
+    chart = _chart(
+        plotter, "Error of a release at the target's height", "insertion depth (cm)",
+        "placement error (cm)",
+    )  # fmt: skip
+    chart.line(100.0 * depths, error, color=style.seed, width=2.0, label="any depth")
+    inside = _inside_target_region(scene, target, points)
+    if np.any(inside):
+        chart.line(
+            100.0 * depths[inside], error[inside], color=style.seed, width=7.0,
+            label="seed comes to rest in the target's region",
+        )  # fmt: skip
+    best = plan.depth_only
+    if best is not None:
+        at = 100.0 * float(insertion.axis.along(best.release_point))
+        chart.scatter(
+            [at], [100.0 * best.placement_error], color=style.target, size=16,
+            label=f"best depth {at:.2f} cm: {100 * best.placement_error:.2f} cm",
+        )  # fmt: skip
+    return save(plotter, path)
+
+
+def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Any:
+    for region in scene.regions.values():
+        if region.contour.contains(target[None])[0]:
+            return region.contour.contains(points)
+    return np.isfinite(points[:, 0])
+
+
+def draw_height(scene: Scene, plan: Plan, path: Path) -> Path:
+    """Draw best depth and its error against the insertion height (Fig. 6)."""
+    style = Style()
+    planner = Planner(Simulation(scene), plan.target)
+    heights = np.linspace(-0.5 * HEIGHT_SPAN, 0.5 * HEIGHT_SPAN, HEIGHTS)
+    if plan.best is not None:  # the planned height belongs on the curve
+        heights = np.sort(np.append(heights, plan.solution.height[0]))
+    rows = []
+    for height in heights:
+        release = planner.release(
+            np.array([height]), planner.path(np.array([height])).closest(plan.target)
+        )
+        if release is not None:
+            entry = planner.entry.point
+            depth = float((release.release_point - entry) @ planner.simulation.direction)
+            lateral = float((plan.target - entry) @ planner.laterals[0])
+            at = float((entry + lateral * planner.laterals[0]) @ planner.laterals[0]) + height
+            rows.append((at, depth, release.placement_error))
+    table = 100.0 * np.array(rows)
+    plotter = renderer().Plotter(
+        off_screen=True, shape=(2, 1), window_size=[1600, 1700], border=False
+    )
+    plotter.set_background(style.background)
+    for number, (column, label) in enumerate(((1, "best depth (cm)"), (2, "placement error (cm)"))):
+        plotter.subplot(number, 0)
+        chart = _chart(plotter, "", "insertion height (cm)", label)
+        chart.line(table[:, 0], table[:, column], color=style.seed, width=3.0, label=label)
+        best = int(np.argmin(table[:, 2]))
+        chart.scatter(
+            [table[best, 0]], [table[best, column]], color=style.target, size=16,
+            label=f"plan: height {table[best, 0]:.2f} cm, depth {table[best, 1]:.2f} cm",
+        )  # fmt: skip
+    return save(plotter, path)

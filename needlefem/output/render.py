@@ -1,0 +1,253 @@
+"""Drawing a 2D scene with PyVista: tissue, needle, seed, target, scale.
+
+The needle comes from the right, as in the paper: depth runs to the left, height upward.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Floats, Points, SkfemMesh, Vector
+from needlefem.fem.mesh import BACKGROUND
+from needlefem.insertion.fields import displacements
+from needlefem.insertion.result import Insertion
+from needlefem.needle.axis import Axis
+from needlefem.output.driver import renderer
+from needlefem.output.files import whole_file
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Style:
+    """How everything looks; colours are safe for the colour-blind (Okabe and Ito)."""
+
+    background: str = "white"
+    tissue: tuple[str, ...] = ("#f4e7c5", "#e3b5a4", "#c9d5e8", "#cfe3cf")
+    mesh: str = "#8a7f6a"
+    outline: str = "#5b3a29"
+    needle: str = "#20262e"
+    seed: str = "#0072B2"
+    target: str = "#D55E00"
+    text: str = "#202020"
+    mesh_width: float = 0.6
+    outline_width: float = 3.0
+    font_size: int = 22
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Window:
+    """A part of the plane: centre (2,), m, width and height, m, in screen coordinates."""
+
+    centre: Floats
+    width: float
+    height: float
+
+
+class Canvas:
+    """One panel of a picture in screen coordinates: right is against the needle, up is lateral.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        With this panel as its active subplot.
+    axis : Axis
+        The needle's line.
+    style : Style
+    """
+
+    def __init__(self, plotter: Any, axis: Axis, style: Style) -> None:
+        self.plotter, self.axis, self.style = plotter, axis, style
+        self._pv = renderer()
+
+    def screen(self, points: Points, layer: float = 0.0) -> Floats:
+        """Return screen coordinates (n, 3), m; higher layers cover lower ones."""
+        points = np.atleast_2d(points)
+        directions = np.stack([-self.axis.direction, self.axis.laterals[0]], axis=1)
+        return np.column_stack([points @ directions, np.full(len(points), 1e-3 * layer)])
+
+    def tissue(self, mesh: SkfemMesh, moved: Points | None = None) -> None:
+        """Draw the mesh by region, moved by a displacement of its vertices, shape (n, 2), m."""
+        points = mesh.p.T if moved is None else mesh.p.T + moved
+        at = self.screen(points)
+        names = [BACKGROUND, *sorted(set(mesh.subdomains) - {BACKGROUND})]
+        for number, name in enumerate(names):
+            cells = mesh.t[:, mesh.subdomains[name]].T
+            faces = np.column_stack([np.full(len(cells), 3), cells]).ravel()
+            self.plotter.add_mesh(
+                self._pv.PolyData(at, faces=faces),
+                color=self.style.tissue[number % len(self.style.tissue)],
+                show_edges=True,
+                edge_color=self.style.mesh,
+                line_width=self.style.mesh_width,
+                lighting=False,
+            )
+        self._outline(mesh, points)
+
+    def _outline(self, mesh: SkfemMesh, points: Points) -> None:
+        """Draw the interfaces between regions and the outer edge."""
+        owner = np.zeros(mesh.nelements, dtype=int)
+        for number, name in enumerate(sorted(mesh.subdomains)):
+            owner[mesh.subdomains[name]] = number
+        left, right = mesh.f2t
+        between = np.flatnonzero((right < 0) | (owner[left] != owner[right]))
+        lines = np.column_stack([np.full(len(between), 2), mesh.facets[:, between].T]).ravel()
+        self.plotter.add_mesh(
+            self._pv.PolyData(self.screen(points, 1), lines=lines),
+            color=self.style.outline,
+            line_width=self.style.outline_width,
+            lighting=False,
+        )
+
+    def _polygon(self, corners: Points, colour: str, layer: float) -> None:
+        at = self.screen(corners, layer)
+        face = np.concatenate([[len(at)], np.arange(len(at))])
+        self.plotter.add_mesh(self._pv.PolyData(at, faces=face), color=colour, lighting=False)
+
+    def needle(self, tip: Vector, radius: float, length: float) -> None:
+        """Draw the needle with its tip at a point of the world; `length` of it is shown, m."""
+        back, side = -self.axis.direction, 0.5 * radius * self.axis.laterals[0]
+        neck = tip + 1.6 * radius * back
+        end = tip + length * back
+        self._polygon(
+            np.array([tip, neck + side, end + side, end - side, neck - side]), self.style.needle, 3
+        )
+
+    def seed(self, point: Vector, size: float) -> None:
+        """Draw a seed as a square, `size` m wide."""
+        corners = point + 0.5 * size * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        self._polygon(point + 1.35 * (corners - point), "white", 5)
+        self._polygon(corners, self.style.seed, 6)
+
+    def target(self, point: Vector, size: float) -> None:
+        """Draw the target as an upright cross, `size` m wide."""
+        for colour, thick, layer in (("white", 0.36, 7), (self.style.target, 0.2, 8)):
+            for long, short in ((1.0, thick), (thick, 1.0)):
+                half = 0.5 * size * np.array([long, short])
+                grow = 0.08 * size if colour == "white" else 0.0
+                corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (half + grow)
+                self._polygon(point + corners, colour, layer)
+
+    def line(self, begin: Vector, end: Vector, width: float) -> None:
+        """Draw a line in the target's colour, `width` pixels wide."""
+        at = self.screen(np.array([begin, end]), 9)
+        self.plotter.add_mesh(
+            self._pv.lines_from_points(at),
+            color=self.style.target,
+            line_width=width,
+            lighting=False,
+        )
+
+    def look(self, window: Window) -> None:
+        """Point the camera straight at a part of the plane."""
+        camera = self.plotter.camera
+        camera.parallel_projection = True
+        x, y = window.centre
+        camera.focal_point, camera.position, camera.up = (x, y, 0.0), (x, y, 1.0), (0.0, 1.0, 0.0)
+        wide, high = self.plotter.renderer.GetSize()
+        camera.parallel_scale = 0.5 * max(window.height, window.width * high / wide)
+        self.plotter.renderer.ResetCameraClippingRange()
+
+    def scale_bar(self, window: Window, length: float, label: str) -> None:
+        """Draw a bar of a length (m) in the lower left corner."""
+        left = window.centre + np.array([-0.46 * window.width, -0.44 * window.height])
+        thick = 0.008 * window.height
+        corners = left + np.array([[0, 0], [length, 0], [length, thick], [0, thick]])
+        at = np.column_stack([corners, np.full(4, 9e-3)])
+        self.plotter.add_mesh(
+            self._pv.PolyData(at, faces=[4, 0, 1, 2, 3]), color=self.style.text, lighting=False
+        )
+        self._label(np.array([left[0] + 0.5 * length, left[1] + 2.5 * thick]), label)
+
+    def _label(self, at: Floats, text: str) -> None:
+        """Put a text over a point of the screen's plane."""
+        point = np.array([[at[0], at[1], 1e-2]])
+        self.plotter.add_point_labels(
+            point, [text], font_size=self.style.font_size, text_color=self.style.text,
+            shape=None, show_points=False, always_visible=True,
+            justification_horizontal="center", justification_vertical="bottom",
+        )  # fmt: skip
+
+    def title(self, text: str) -> None:
+        """Write a line into the upper left corner."""
+        self.plotter.add_text(
+            text,
+            position="upper_left",
+            font_size=self.style.font_size // 2 + 2,
+            color=self.style.text,
+        )
+
+
+def save(plotter: Any, path: Path) -> Path:
+    """Draw what a plotter holds into a PNG file."""
+    with whole_file(path) as part:
+        plotter.screenshot(part)
+    plotter.close()
+    return path
+
+
+def vertex_displacement(insertion: Insertion, depth: float) -> Points:
+    """Return the displacement of the mesh's vertices at a depth, shape (n, 2), m.
+
+    Interpolated linearly between the two states around it.
+    """
+    depths = insertion.depths
+    after = int(np.clip(np.searchsorted(depths, depth), 1, len(depths) - 1))
+    span = depths[after] - depths[after - 1]
+    share = float(np.clip((depth - depths[after - 1]) / span, 0.0, 1.0)) if span else 1.0
+    fields = displacements(insertion, [after - 1, after]) @ np.array([1.0 - share, share])
+    vertices = insertion.model.basis.nodal_dofs  # (dim, nvertices)
+    moved: Points = fields[vertices].T
+    return moved
+
+
+def whole_window(mesh: SkfemMesh, canvas: Canvas, behind: float = 0.0) -> Window:
+    """Return a window that shows the mesh and `behind` (m) of the space that the needle is in."""
+    corners = canvas.screen(mesh.p.T)[:, :2]
+    low, high = corners.min(axis=0), corners.max(axis=0) + np.array([behind, 0.0])
+    size = 1.1 * (high - low)
+    return Window(0.5 * (low + high), float(size[0]), float(size[1]))
+
+
+def render(
+    insertion: Insertion,
+    path: str | Path,
+    *,
+    depth: float | None = None,
+    size: Sequence[int] = (1600, 1200),
+    style: Style | None = None,
+) -> Path:
+    """Draw the deformed tissue and the needle at a depth into a PNG file.
+
+    Parameters
+    ----------
+    insertion : Insertion
+    path : str or Path
+    depth : float, m, optional
+        The last state's when left out.
+    size : (int, int)
+        Pixels.
+    style : Style, optional
+
+    Raises
+    ------
+    NoRendererError
+        Nothing here can draw; the message names what to install.
+    """
+    pv = renderer()
+    style = style or Style()
+    at = float(insertion.depths[-1]) if depth is None else depth
+    plotter = pv.Plotter(off_screen=True, window_size=list(size), border=False)
+    plotter.set_background(style.background)
+    canvas = Canvas(plotter, insertion.axis, style)
+    radius = insertion.scene.needle.tip_radius
+    canvas.tissue(insertion.model.mesh, vertex_displacement(insertion, at))
+    canvas.needle(insertion.axis.tip(at), radius, at + 0.02)
+    if insertion.scene.target is not None:
+        canvas.target(np.array(insertion.scene.target), 2.5 * radius)
+    window = whole_window(insertion.model.mesh, canvas, behind=0.012)
+    canvas.look(window)
+    canvas.scale_bar(window, 0.01, "1 cm")
+    canvas.title(f"{insertion.scene.title}: depth {100 * at:.2f} cm")
+    return save(plotter, Path(path))
