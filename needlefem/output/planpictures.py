@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem.arrays import Bools, Floats, Vector
 from needlefem.insertion.path import Path as CutPath
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.output.driver import renderer
-from needlefem.output.render import Canvas, Style, Window, save, vertex_displacement
+from needlefem.output.render import Canvas, Style, Window, draw_tissue, save
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, Release
 from needlefem.scene import Scene
@@ -65,22 +65,22 @@ def draw_stages(scene: Scene, plan: Plan, path: Path) -> Path:
 
 def _window(canvas: Canvas, column: _Column) -> Window:
     """Show the needle's side of the tissue: from behind the skin to well past the target."""
-    axis = column.insertion.axis
-    middle = 0.5 * (axis.tip(-0.012) + axis.tip(float(axis.along(column.target)) + 0.025))
-    raised = middle + 0.006 * axis.laterals[0]
-    return Window(canvas.screen(raised)[0, :2], 0.067, 0.0485)
+    depth = float(column.insertion.axis.along(column.target))
+    width = depth + 0.037
+    centre = canvas.screen(column.target)[0, :2] + np.array([0.5 * depth - 0.0065, 0.0095])
+    return Window(centre, width, 0.725 * width)
 
 
 def _finish(canvas: Canvas, column: _Column, title: str) -> None:
     window = _window(canvas, column)
     canvas.look(window)
     canvas.scale_bar(window, 0.01, "1 cm")
-    canvas.title(title)
+    canvas.title(window, title)
 
 
 def _before(canvas: Canvas, column: _Column, scene: Scene) -> None:
     radius = scene.needle.tip_radius
-    canvas.tissue(column.insertion.model.mesh)
+    draw_tissue(canvas, column.insertion, None)
     canvas.needle(column.insertion.axis.tip(0.0), radius, 0.05)
     canvas.target(column.target, 2.0 * radius)
     _finish(canvas, column, f"{column.title}: before insertion")
@@ -88,43 +88,36 @@ def _before(canvas: Canvas, column: _Column, scene: Scene) -> None:
 
 def _released(canvas: Canvas, column: _Column, scene: Scene) -> None:
     radius = scene.needle.tip_radius
-    moved = vertex_displacement(column.insertion, column.depth)
-    canvas.tissue(column.insertion.model.mesh, moved)
+    draw_tissue(canvas, column.insertion, column.depth)
     canvas.needle(column.release.release_point, radius, column.depth + 0.05)
     canvas.target(column.target, 2.0 * radius)
-    canvas.seed(column.release.release_point, 1.2 * radius)
+    canvas.seed(column.release.release_point, 1.5 * radius)
     where = ", ".join(f"{100 * x:.2f}" for x in column.release.release_point)
     _finish(canvas, column, f"seed released at ({where}) cm")
 
 
 def _retracted(canvas: Canvas, column: _Column, scene: Scene) -> None:
     radius = scene.needle.tip_radius
-    canvas.tissue(column.insertion.model.mesh)
+    draw_tissue(canvas, column.insertion, None)
     canvas.target(column.target, 2.0 * radius)
-    canvas.seed(column.release.placed_at, 1.2 * radius)
+    canvas.seed(column.release.placed_at, 1.5 * radius)
     where = ", ".join(f"{100 * x:.2f}" for x in column.release.placed_at)
     _finish(canvas, column, f"needle retracted, seed rests at ({where}) cm")
 
 
 def _error(canvas: Canvas, column: _Column, scene: Scene) -> None:
     radius = scene.needle.tip_radius
-    canvas.tissue(column.insertion.model.mesh)
-    canvas.target(column.target, 1.2 * radius)
+    draw_tissue(canvas, column.insertion, None)
+    canvas.target(column.target, 1.0 * radius)
     canvas.line(column.target, column.release.placed_at, 5.0)
-    canvas.seed(column.release.placed_at, 0.8 * radius)
+    canvas.seed(column.release.placed_at, 0.75 * radius)
     middle = canvas.screen(column.target)[0, :2] + np.array([4e-3, 0.0])
     window = Window(middle, 0.0245, 0.0177)
     canvas.look(window)
     canvas.scale_bar(window, 0.005, "5 mm")
     error = 100.0 * column.release.placement_error
-    text = (
-        f"{error:.2f} cm"
-        if error >= 0.01
-        else "below 0.0001 cm"
-        if error < 1e-4
-        else f"{error:.4f} cm"
-    )
-    canvas.title(f"placement error {text}")
+    text = f"{error:.2f} cm" if error >= 0.01 else f"{error:.1e} cm"
+    canvas.title(window, f"placement error {text}")
 
 
 def _chart(plotter: Any, title: str, x: str, y: str) -> Any:
@@ -146,37 +139,31 @@ def draw_depth(scene: Scene, plan: Plan, path: Path) -> Path:
     """
     style = Style()
     simulation = Simulation(scene)
-    target = plan.target
-    insertion = simulation.insert(simulation.entry_through(target))
+    insertion = simulation.insert(simulation.entry_through(plan.target))
     cut = CutPath(insertion)
     depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)
     reached = [cut.at_depth(float(depth)) for depth in depths]
     points = np.array([np.full(2, np.nan) if r is None else r.point for r in reached])
-    error = 100.0 * np.linalg.norm(points - target, axis=1)
+    error = 100.0 * np.linalg.norm(points - plan.target, axis=1)
     plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
     plotter.set_background(style.background)
-    chart = _chart(
-        plotter, "Error of a release at the target's height", "insertion depth (cm)",
-        "placement error (cm)",
-    )  # fmt: skip
+    title = "Error of a release at the target's height"
+    chart = _chart(plotter, title, "insertion depth (cm)", "placement error (cm)")
     chart.line(100.0 * depths, error, color=style.seed, width=2.0, label="any depth")
-    inside = _inside_target_region(scene, target, points)
-    if np.any(inside):
-        chart.line(
-            100.0 * depths[inside], error[inside], color=style.seed, width=7.0,
-            label="seed comes to rest in the target's region",
-        )  # fmt: skip
-    best = plan.depth_only
-    if best is not None:
-        at = 100.0 * float(insertion.axis.along(best.release_point))
-        chart.scatter(
-            [at], [100.0 * best.placement_error], color=style.target, size=16,
-            label=f"best depth {at:.2f} cm: {100 * best.placement_error:.2f} cm",
-        )  # fmt: skip
+    inside = _inside_target_region(scene, plan.target, points)
+    bold, at_rest = error[inside], "the seed rests in the target's region"
+    if bold.size:
+        chart.line(100.0 * depths[inside], bold, color=style.seed, width=7.0, label=at_rest)
+    if plan.depth_only is not None:
+        at = 100.0 * float(insertion.axis.along(plan.depth_only.release_point))
+        least = 100.0 * plan.depth_only.placement_error
+        label = f"best depth {at:.2f} cm: {least:.2f} cm"
+        chart.scatter([at], [least], color=style.target, size=16, label=label)
+    chart.y_range = [0.0, 1.05 * float(np.nanmax(error))]
     return save(plotter, path)
 
 
-def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Any:
+def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Bools:
     for region in scene.regions.values():
         if region.contour.contains(target[None])[0]:
             return region.contour.contains(points)
@@ -186,33 +173,36 @@ def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Any:
 def draw_height(scene: Scene, plan: Plan, path: Path) -> Path:
     """Draw best depth and its error against the insertion height (Fig. 6)."""
     style = Style()
-    planner = Planner(Simulation(scene), plan.target)
-    heights = np.linspace(-0.5 * HEIGHT_SPAN, 0.5 * HEIGHT_SPAN, HEIGHTS)
-    if plan.best is not None:  # the planned height belongs on the curve
-        heights = np.sort(np.append(heights, plan.solution.height[0]))
-    rows = []
-    for height in heights:
-        release = planner.release(
-            np.array([height]), planner.path(np.array([height])).closest(plan.target)
-        )
-        if release is not None:
-            entry = planner.entry.point
-            depth = float((release.release_point - entry) @ planner.simulation.direction)
-            lateral = float((plan.target - entry) @ planner.laterals[0])
-            at = float((entry + lateral * planner.laterals[0]) @ planner.laterals[0]) + height
-            rows.append((at, depth, release.placement_error))
-    table = 100.0 * np.array(rows)
+    table = 100.0 * _height_table(scene, plan)
     plotter = renderer().Plotter(
         off_screen=True, shape=(2, 1), window_size=[1600, 1700], border=False
     )
     plotter.set_background(style.background)
-    for number, (column, label) in enumerate(((1, "best depth (cm)"), (2, "placement error (cm)"))):
-        plotter.subplot(number, 0)
-        chart = _chart(plotter, "", "insertion height (cm)", label)
-        chart.line(table[:, 0], table[:, column], color=style.seed, width=3.0, label=label)
-        best = int(np.argmin(table[:, 2]))
-        chart.scatter(
-            [table[best, 0]], [table[best, column]], color=style.target, size=16,
-            label=f"plan: height {table[best, 0]:.2f} cm, depth {table[best, 1]:.2f} cm",
-        )  # fmt: skip
+    best = table[np.argmin(table[:, 2])]
+    label = f"plan: height {best[0]:.2f} cm, depth {best[1]:.2f} cm"
+    for number, quantity in enumerate(("best depth (cm)", "placement error (cm)"), start=1):
+        plotter.subplot(number - 1, 0)
+        values = table[:, number]
+        chart = _chart(plotter, "", "insertion height (cm)", quantity)
+        chart.line(table[:, 0], values, color=style.seed, width=3.0, label=quantity[:-5])
+        chart.scatter([best[0]], [best[number]], color=style.target, size=16, label=label)
+        room = 0.2 * float(np.ptp(values))  # for the legend
+        chart.y_range = [float(values.min()) - 0.1 * room, float(values.max()) + room]
     return save(plotter, path)
+
+
+def _height_table(scene: Scene, plan: Plan) -> Floats:
+    """Return rows of insertion height, best depth, placement error, m; the plan's among them."""
+    planner = Planner(Simulation(scene), plan.target)
+    heights = np.linspace(-0.5 * HEIGHT_SPAN, 0.5 * HEIGHT_SPAN, HEIGHTS)
+    rows = []
+    for height in np.sort(np.append(heights, plan.solution.height[0])):
+        offset = np.array([height])
+        release = planner.release(offset, planner.path(offset).closest(plan.target))
+        if release is not None:
+            at = float(release.release_point @ planner.laterals[0])
+            depth = float(
+                (release.release_point - planner.entry.point) @ planner.simulation.direction
+            )
+            rows.append((at, depth, release.placement_error))
+    return np.array(rows)

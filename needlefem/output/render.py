@@ -86,13 +86,9 @@ class Canvas:
         self._outline(mesh, points)
 
     def _outline(self, mesh: SkfemMesh, points: Points) -> None:
-        """Draw the interfaces between regions and the outer edge."""
-        owner = np.zeros(mesh.nelements, dtype=int)
-        for number, name in enumerate(sorted(mesh.subdomains)):
-            owner[mesh.subdomains[name]] = number
-        left, right = mesh.f2t
-        between = np.flatnonzero((right < 0) | (owner[left] != owner[right]))
-        lines = np.column_stack([np.full(len(between), 2), mesh.facets[:, between].T]).ravel()
+        """Draw the outer edge."""
+        edge = mesh.facets[:, mesh.boundary_facets()].T
+        lines = np.column_stack([np.full(len(edge), 2), edge]).ravel()
         self.plotter.add_mesh(
             self._pv.PolyData(self.screen(points, 1), lines=lines),
             color=self.style.outline,
@@ -104,6 +100,16 @@ class Canvas:
         at = self.screen(corners, layer)
         face = np.concatenate([[len(at)], np.arange(len(at))])
         self.plotter.add_mesh(self._pv.PolyData(at, faces=face), color=colour, lighting=False)
+
+    def contour(self, points: Points) -> None:
+        """Draw a closed line through points of the world."""
+        ring = self.screen(np.vstack([points, points[:1]]), 2)
+        self.plotter.add_mesh(
+            self._pv.lines_from_points(ring),
+            color=self.style.outline,
+            line_width=self.style.outline_width,
+            lighting=False,
+        )
 
     def needle(self, tip: Vector, radius: float, length: float) -> None:
         """Draw the needle with its tip at a point of the world; `length` of it is shown, m."""
@@ -122,12 +128,10 @@ class Canvas:
 
     def target(self, point: Vector, size: float) -> None:
         """Draw the target as an upright cross, `size` m wide."""
-        for colour, thick, layer in (("white", 0.36, 7), (self.style.target, 0.2, 8)):
-            for long, short in ((1.0, thick), (thick, 1.0)):
-                half = 0.5 * size * np.array([long, short])
-                grow = 0.08 * size if colour == "white" else 0.0
-                corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (half + grow)
-                self._polygon(point + corners, colour, layer)
+        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        for colour, rim, layer in (("white", 0.05, 7), (self.style.target, 0.0, 8)):
+            for arm in (np.array([0.5, 0.07]), np.array([0.07, 0.5])):
+                self._polygon(point + size * (arm + rim) * square, colour, layer)
 
     def line(self, begin: Vector, end: Vector, width: float) -> None:
         """Draw a line in the target's colour, `width` pixels wide."""
@@ -160,23 +164,32 @@ class Canvas:
         )
         self._label(np.array([left[0] + 0.5 * length, left[1] + 2.5 * thick]), label)
 
-    def _label(self, at: Floats, text: str) -> None:
+    def _label(self, at: Floats, text: str, align: str = "center") -> None:
         """Put a text over a point of the screen's plane."""
-        point = np.array([[at[0], at[1], 1e-2]])
+        point = np.array([[at[0], at[1], 1.2e-2]])
         self.plotter.add_point_labels(
             point, [text], font_size=self.style.font_size, text_color=self.style.text,
             shape=None, show_points=False, always_visible=True,
-            justification_horizontal="center", justification_vertical="bottom",
+            justification_horizontal=align, justification_vertical="bottom",
         )  # fmt: skip
 
-    def title(self, text: str) -> None:
-        """Write a line into the upper left corner."""
-        self.plotter.add_text(
-            text,
-            position="upper_left",
-            font_size=self.style.font_size // 2 + 2,
-            color=self.style.text,
+    def title(self, window: Window, text: str) -> None:
+        """Write a line on a band of its own along the window's upper edge."""
+        wide, high = self.plotter.renderer.GetSize()
+        height = 2.0 * self.plotter.camera.parallel_scale
+        half = 0.5 * height * wide / high
+        band = 1.9 * self.style.font_size * height / high
+        top = window.centre[1] + 0.5 * height
+        left, right = window.centre[0] - half, window.centre[0] + half
+        corners = np.array([[left, top - band], [right, top - band], [right, top], [left, top]])
+        at = np.column_stack([corners, np.full(4, 9.5e-3)])
+        self.plotter.add_mesh(
+            self._pv.PolyData(at, faces=[4, 0, 1, 2, 3]),
+            color=self.style.background,
+            lighting=False,
         )
+        middle = np.array([left + 0.4 * band, top - 0.75 * band])
+        self._label(middle, text, align="left")
 
 
 def save(plotter: Any, path: Path) -> Path:
@@ -187,8 +200,19 @@ def save(plotter: Any, path: Path) -> Path:
     return path
 
 
-def vertex_displacement(insertion: Insertion, depth: float) -> Points:
-    """Return the displacement of the mesh's vertices at a depth, shape (n, 2), m.
+def draw_tissue(canvas: Canvas, insertion: Insertion, depth: float | None) -> None:
+    """Draw the tissue and its contours at a depth, or undeformed for None."""
+    model = insertion.model
+    moved = None if depth is None else displacement(insertion, depth)
+    vertices = None if moved is None else moved[model.basis.nodal_dofs].T
+    canvas.tissue(model.mesh, vertices)
+    for region in insertion.scene.regions.values():
+        points = region.contour.points
+        canvas.contour(points if moved is None else points + model.displacement_at(moved, points))
+
+
+def displacement(insertion: Insertion, depth: float) -> Floats:
+    """Return the displacement of all dofs at a depth, shape (ndofs,), m.
 
     Interpolated linearly between the two states around it.
     """
@@ -196,9 +220,7 @@ def vertex_displacement(insertion: Insertion, depth: float) -> Points:
     after = int(np.clip(np.searchsorted(depths, depth), 1, len(depths) - 1))
     span = depths[after] - depths[after - 1]
     share = float(np.clip((depth - depths[after - 1]) / span, 0.0, 1.0)) if span else 1.0
-    fields = displacements(insertion, [after - 1, after]) @ np.array([1.0 - share, share])
-    vertices = insertion.model.basis.nodal_dofs  # (dim, nvertices)
-    moved: Points = fields[vertices].T
+    moved: Floats = displacements(insertion, [after - 1, after]) @ np.array([1.0 - share, share])
     return moved
 
 
@@ -242,12 +264,12 @@ def render(
     plotter.set_background(style.background)
     canvas = Canvas(plotter, insertion.axis, style)
     radius = insertion.scene.needle.tip_radius
-    canvas.tissue(insertion.model.mesh, vertex_displacement(insertion, at))
+    draw_tissue(canvas, insertion, at)
     canvas.needle(insertion.axis.tip(at), radius, at + 0.02)
     if insertion.scene.target is not None:
-        canvas.target(np.array(insertion.scene.target), 2.5 * radius)
+        canvas.target(np.array(insertion.scene.target), 2.0 * radius)
     window = whole_window(insertion.model.mesh, canvas, behind=0.012)
     canvas.look(window)
     canvas.scale_bar(window, 0.01, "1 cm")
-    canvas.title(f"{insertion.scene.title}: depth {100 * at:.2f} cm")
+    canvas.title(window, f"{insertion.scene.title}: depth {100 * at:.2f} cm")
     return save(plotter, Path(path))
