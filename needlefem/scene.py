@@ -232,3 +232,23 @@ class Scene:
     def dim(self) -> int:
         """Number of space dimensions."""
         return len(self.axes)
+
+
+def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+    """Return the scene with fields replaced: dotted names and values in SI units.
+
+    Names go through mappings too: ``{"needle.tip_radius": 1e-3, "materials.fat.density": 900}``.
+    """
+    varied: Scene = scene
+    for name, value in changes.items():
+        varied = _replaced(varied, name.split("."), value)
+    return varied
+
+
+def _replaced(node: Any, path: list[str], value: Any) -> Any:
+    if not path:
+        return value
+    head, rest = path[0], path[1:]
+    if isinstance(node, Mapping):
+        return {**node, head: _replaced(node[head], rest, value)}
+    return dataclasses.replace(node, **{head: _replaced(getattr(node, head), rest, value)})

@@ -25,7 +25,7 @@ import needlefem as nf
 from needlefem.errors import NeedlefemError
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
-from needlefem.planning.targets import draw_targets, target_table
+from needlefem.planning.studies.targets import draw_targets, target_table
 from needlefem.scene import Scene
 
 HERE = Path(__file__).parent

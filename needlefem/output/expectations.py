@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from needlefem.output.table import Table
 from needlefem.scene import Expectation
+from needlefem.table import Table
 from needlefem.units import in_unit
 
 

@@ -1,7 +1,6 @@
 """Many targets: how well the planner does on points drawn at random."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, PlanStatus, Release
 from needlefem.scene import Scene
+from needlefem.table import Table
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -63,11 +63,61 @@ def draw_targets(scene: Scene) -> Points:
     return np.array(found)
 
 
-def target_table(scene: Scene, targets: Points, searches: Sequence[str] = ()) -> TargetTable:
-    """Plan every target, on one model; `searches` replaces the case's search for all."""
+def target_table(scene: Scene, targets: Points) -> TargetTable:
+    """Plan every target, on one model."""
     simulation = Simulation(scene)
-    plans = []
-    for target in targets:
-        planner = Planner(simulation, target)
-        plans += [planner.plan(search) for search in searches or (None,)]
-    return TargetTable(tuple(plans))
+    return TargetTable(tuple(Planner(simulation, target).plan() for target in targets))
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return a row a target: errors without and with a plan, and what either search costs."""
+    del other
+    targets = draw_targets(scene)
+    found = target_table(scene, targets)
+    golden = Simulation(scene)
+    rows: list[list[object]] = []
+    spent = []
+    for plan in found.plans:
+        by_golden = Planner(golden, plan.target).plan("golden")
+        spent.append(by_golden.insertions)
+        rows.append(
+            [
+                *(100.0 * plan.target).tolist(),
+                100.0 * _error(plan.unplanned),
+                100.0 * _error(plan.best),
+                plan.insertions,
+                100.0 * _error(by_golden.best),
+                by_golden.insertions,
+                len(plan.insertion.snaps),
+                plan.status,
+            ]
+        )
+    summary = {
+        "unplanned_mean": found.unplanned_mean,
+        "unplanned_sd": found.unplanned_sd,
+        "planned_mean": found.planned_mean,
+        "unsolved": len(found.unsolved),
+        "snaps": sum(len(plan.insertion.snaps) for plan in found.plans),
+        "most_insertions": max(plan.insertions for plan in found.plans),
+        "golden_insertions": max(spent),
+    }
+    return [
+        Table(
+            title=f"{len(targets)} targets drawn in '{scene.targets and scene.targets.region}'",
+            columns=(
+                *(f"{axis} (cm)" for axis in scene.axes),
+                "unplanned (cm)",
+                "planned (cm)",
+                "insertions",
+                "golden (cm)",
+                "insertions ",
+                "snaps",
+                "status",
+            ),
+            rows=rows,
+            note=f"means: unplanned {100 * found.unplanned_mean:.3f} cm (SD "
+            f"{100 * found.unplanned_sd:.3f}), planned {100 * found.planned_mean:.1e} cm; "
+            f"{len(found.unsolved)} without a solution",
+            summary=summary,
+        )
+    ]

@@ -1,7 +1,7 @@
 """Plain tables for terminals and JSON."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
@@ -19,6 +19,8 @@ class Table:
         Whether everything that the table demands holds.
     note : str
         A sentence under it.
+    summary : mapping
+        Named results, for a case's expectations.
     """
 
     title: str
@@ -26,6 +28,7 @@ class Table:
     rows: Sequence[Sequence[Any]]
     passed: bool = True
     note: str = ""
+    summary: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def text(self) -> str:
         """Return the table as aligned text."""
@@ -39,7 +42,13 @@ class Table:
     def record(self) -> dict[str, Any]:
         """Return the table as plain data for JSON."""
         rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
-        return {"title": self.title, "rows": rows, "passed": self.passed, "note": self.note}
+        return {
+            "title": self.title,
+            "rows": rows,
+            "summary": dict(self.summary),
+            "passed": self.passed,
+            "note": self.note,
+        }
 
 
 def _cell(value: Any) -> str:

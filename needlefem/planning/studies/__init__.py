@@ -1,0 +1,30 @@
+"""Studies: what the answers of a case depend on, as tables. A study is one file and a name."""
+
+from collections.abc import Callable
+from importlib import import_module
+
+from needlefem.errors import CaseError, nearest
+from needlefem.scene import Scene
+from needlefem.table import Table
+
+Study = Callable[[Scene, "Scene | None"], list[Table]]
+"""Takes a case and, where it compares two, the other one."""
+
+STUDIES = {
+    "convergence": "the plan under refinement along the path, for the disc and for a point tip",
+    "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
+    "energy": "the energy ledger by two formulas, over path spacings",
+    "independence": "the plan against mesh, path spacing, lateral hold and kernel quadrature",
+    "robust": "the plan carried out on another case, and with other parameters",
+    "smoothness": "noise of the map from height to miss and depth",
+    "stability": "extreme parameters and meshes, each with a status",
+    "targets": "random targets, planned by root and by golden section",
+}
+
+
+def study(name: str) -> Study:
+    """Return a study by name, or raise a `CaseError` with the nearest name."""
+    if name not in STUDIES:
+        raise CaseError("study", f"no study '{name}'", nearest(name, STUDIES))
+    found: Study = import_module(f"needlefem.planning.studies.{name}").study
+    return found

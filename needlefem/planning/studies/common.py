@@ -1,0 +1,38 @@
+"""What studies share."""
+
+import numpy as np
+
+from needlefem.errors import CaseError, NeedlefemError
+from needlefem.insertion.path import Path, Reach
+from needlefem.insertion.simulation import Simulation
+from needlefem.planning.planner import Planner
+from needlefem.planning.result import Plan
+from needlefem.scene import Scene
+
+
+def planner_of(scene: Scene) -> Planner:
+    """Return a planner for the scene's own target."""
+    if scene.target is None:
+        raise CaseError("target.point", "missing", "the study needs a target")
+    return Planner(Simulation(scene), np.array(scene.target))
+
+
+def plan_or_reason(scene: Scene) -> tuple[Plan | None, str]:
+    """Return a plan and its status, or None and the sentence that says why there is none."""
+    try:
+        plan = planner_of(scene).plan()
+    except NeedlefemError as error:
+        return None, str(error)
+    return plan, str(plan.status)
+
+
+def carry_out(scene: Scene, plan: Plan) -> Reach | None:
+    """Return where a planned release ends in another scene; None if it is not reached there."""
+    if plan.best is None:
+        return None
+    simulation = Simulation(scene)
+    release = plan.best.release_point
+    entry = simulation.entry_through(release)
+    depth = float(simulation.direction @ (release - entry.point))
+    insertion = simulation.insert(entry, lambda state: state.depth > depth + 3e-3)
+    return Path(insertion).at_depth(depth)

@@ -1,0 +1,128 @@
+"""Extreme parameters and meshes: every row has a status, and none is quietly wrong.
+
+Each scene is planned as it stands, and the plan is carried out on a fine discretisation of the
+same physics. An error there of more than half a millimetre must have been announced, by the
+plan's status, a refusal or a warning.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from needlefem.dynamics import Newmark, TissueDynamics
+from needlefem.errors import NeedlefemError
+from needlefem.insertion.dynamic import DynamicInsertion
+from needlefem.insertion.path import Path
+from needlefem.insertion.simulation import Simulation
+from needlefem.planning.plan import plan
+from needlefem.planning.studies.common import carry_out
+from needlefem.scene import Scene, vary
+from needlefem.table import Table
+
+LARGEST_QUIET_ERROR = 5e-4
+"""Error on the fine discretisation that needs no announcement, m."""
+COLUMNS = ("scene", "status", "ledger", "error on the fine mesh (cm)", "warnings", "told")
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return one table of plans, and one of dynamic insertions over the time step."""
+    del other
+    rows = [_planned(scene, name, changes) for name, changes in extremes(scene).items()]
+    return [
+        Table(
+            title="plans of extreme scenes",
+            columns=COLUMNS,
+            rows=rows,
+            passed=all(bool(row[-1]) for row in rows),
+        ),
+        time_steps(scene),
+    ]
+
+
+def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the changes to the scene, by name."""
+    radius = scene.needle.tip_radius
+    background = scene.materials[scene.background].youngs_modulus
+    stiff = next(region.material for region in scene.regions.values())
+    found: dict[str, dict[str, Any]] = {"as it is": {}}
+    for ratio in (0.3, 0.4, 0.45, 0.49):
+        names = [f"materials.{name}.poissons_ratio" for name in scene.materials]
+        found[f"Poisson's ratio {ratio}"] = dict.fromkeys(names, ratio)
+    for contrast in (1.0, 10.0, 100.0, 1000.0):
+        found[f"contrast {contrast:g}"] = {
+            f"materials.{stiff}.youngs_modulus": contrast * background
+        }
+    for factor in (2.0, 1.0, 0.5):
+        found[f"elements {factor:g} tip radii"] = {"mesh.refine.corridor_size": factor * radius}
+    for factor in (1.0, 0.25, 0.05):
+        found[f"path spacing {factor:g} tip radii"] = {
+            "discretisation.path_spacing": factor * radius
+        }
+    for hold in (1e6, 1e8, 1e12):
+        found[f"lateral hold {hold:g} N/m^3"] = {"needle.lateral_stiffness": hold}
+    for aspect in (10, 100):
+        found[f"slivers 1 : {aspect}"] = {
+            "mesh.divisions": (max(600 // aspect, 12), max(600, 12 * aspect)),
+            "mesh.refine.corridor_size": 0.0,
+            "mesh.refine.contour_size": 0.0,
+            "mesh.interfaces": "centroid",
+        }
+    return found
+
+
+def fine(scene: Scene) -> Scene:
+    """Return the same physics on a discretisation that resolves the needle."""
+    radius = scene.needle.tip_radius
+    return vary(
+        scene,
+        {
+            "discretisation.element": "P2",
+            "discretisation.path_spacing": 8e-4,
+            "needle.lateral_stiffness": 1e9,
+            "mesh.divisions": (16, 16),
+            "mesh.interfaces": "fitted",
+            "mesh.refine.corridor_size": 0.5 * radius,
+            "mesh.refine.corridor_width": 8e-3,
+            "mesh.refine.contour_size": radius,
+        },
+    )
+
+
+def _planned(scene: Scene, name: str, changes: dict[str, Any]) -> list[Any]:
+    varied = vary(scene, changes)
+    try:
+        found = plan(varied)
+    except NeedlefemError as refusal:
+        return [name, f"refused: {refusal}"[:60], "", "", 0, True]
+    warnings = 0 if found.evidence is None else len(found.evidence.warnings)
+    ledger = None if found.evidence is None else found.evidence.ledger
+    reach = carry_out(fine(varied), found)
+    error = np.inf if reach is None else float(np.linalg.norm(reach.point - found.target))
+    told = error <= LARGEST_QUIET_ERROR or warnings > 0 or found.status != "planned"
+    residual = "" if ledger is None else f"{ledger.residual:.0e}"
+    return [name, str(found.status), residual, 100.0 * error, warnings, told]
+
+
+def time_steps(scene: Scene) -> Table:
+    """Return the dynamic insertion at the case's speed over the time step."""
+    simulation = Simulation(scene)
+    entry = simulation.entry_of_case()
+    depth = 0.4 * scene.motion.max_depth
+    path = Path(simulation.insert(entry, lambda state: state.depth > depth + 3e-3))
+    rows: list[list[Any]] = []
+    for step in (1e-3, 1e-2, 1.0 / 30.0, 1e-1, 1.0):
+        try:
+            dynamics = TissueDynamics(simulation.model, step, Newmark(beta=0.3025, gamma=0.6))
+            moving = DynamicInsertion(simulation.instrument(entry), dynamics, scene.motion.speed)
+            last = list(moving.iterate(depth))[-1]
+        except NeedlefemError as refusal:
+            rows.append([step, f"refused: {refusal}"[:60], ""])
+            continue
+        reach = path.at_depth(last.depth)
+        apart = np.inf if reach is None else float(np.linalg.norm(last.tip - reach.point))
+        rows.append([step, "reached", 100.0 * apart])
+    return Table(
+        title="dynamic insertion over the time step",
+        columns=("step (s)", "status", "distance to the march (cm)"),
+        rows=rows,
+    )
