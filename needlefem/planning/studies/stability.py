@@ -62,7 +62,7 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
         found[f"lateral hold {hold:g} N/m^3"] = {"needle.lateral_stiffness": hold}
     for aspect in (10, 100):
         found[f"slivers 1 : {aspect}"] = {
-            "mesh.divisions": (max(600 // aspect, 12), max(600, 12 * aspect)),
+            "mesh.divisions": (round(95 / aspect**0.5), aspect * round(95 / aspect**0.5)),
             "mesh.refine.corridor_size": 0.0,
             "mesh.refine.contour_size": 0.0,
             "mesh.interfaces": "centroid",

@@ -1,0 +1,151 @@
+"""Reference problems: a question, its known answers, and two verdicts on each."""
+
+import dataclasses
+import importlib.util
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from needlefem.errors import CaseError, nearest
+
+RECORD_TOLERANCE = 1e-8
+"""Relative change against the own record that counts as a change of the code."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Answer:
+    """One number and what it must be.
+
+    Parameters
+    ----------
+    label : str
+    value : float
+    reference : float
+        The known answer; 0 for an error that must vanish.
+    tolerance : float
+        Largest distance to the reference; relative, unless the reference is 0.
+    recorded : bool
+        Whether the number is kept as own record (round-off is not worth recording).
+    """
+
+    label: str
+    value: float
+    reference: float = 0.0
+    tolerance: float
+    recorded: bool = True
+
+    @property
+    def distance(self) -> float:
+        """Distance to the reference, relative unless that is 0."""
+        apart = abs(self.value - self.reference)
+        return apart / abs(self.reference) if self.reference else apart
+
+    @property
+    def passed(self) -> bool:
+        """Whether the reference is met (NaN never is)."""
+        return self.distance <= self.tolerance
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Problem:
+    """A reference problem.
+
+    Parameters
+    ----------
+    name : str
+    requirement : str
+        What the software shall do.
+    reference : str
+        Where the known answer comes from: formula, author, year.
+    why : str
+        Why the tolerance is what it is.
+    run : callable
+        Returns the answers.
+    """
+
+    name: str
+    requirement: str
+    reference: str
+    why: str
+    run: Callable[[], Sequence[Answer]]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """An answer with both verdicts; `record` is None where nothing is recorded."""
+
+    problem: str
+    answer: Answer
+    record: bool | None
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether reference and record are met."""
+        return self.answer.passed and self.record is not False
+
+
+def load_problems(folder: Path, names: Sequence[str] = ()) -> list[Problem]:
+    """Return the problems of a folder, each from a file's ``PROBLEM``, in the files' order.
+
+    Raises
+    ------
+    CaseError
+        No such folder, or an unknown name.
+    """
+    files = sorted(folder.glob("[a-z]*.py"))
+    if not files:
+        raise CaseError("--problems", f"no problems in '{folder}'", "give the folder of the suite")
+    known = {file.stem: file for file in files}
+    for name in names:
+        if name not in known:
+            raise CaseError("names", f"no problem '{name}'", nearest(name, known))
+    return [_load(known[name]) for name in names or known]
+
+
+def _load(file: Path) -> Problem:
+    spec = importlib.util.spec_from_file_location(f"verification_{file.stem}", file)
+    if spec is None or spec.loader is None:
+        raise CaseError("--problems", f"can't load '{file}'", "give a Python file")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    problem: Problem = module.PROBLEM
+    return problem
+
+
+def run_problem(problem: Problem, records: Mapping[str, float]) -> list[Verdict]:
+    """Run a problem and judge every answer against reference and own record."""
+    start = time.perf_counter()
+    answers = problem.run()
+    seconds = time.perf_counter() - start
+    return [
+        Verdict(
+            problem=problem.name,
+            answer=answer,
+            record=_same(answer, records.get(f"{problem.name}: {answer.label}")),
+            seconds=seconds,
+        )
+        for answer in answers
+    ]
+
+
+def _same(answer: Answer, record: float | None) -> bool | None:
+    if not answer.recorded or record is None:
+        return None
+    return math.isclose(answer.value, record, rel_tol=RECORD_TOLERANCE)
+
+
+def read_records(folder: Path) -> dict[str, float]:
+    """Return the own records of a folder of problems; empty if there are none yet."""
+    file = folder / "records.json"
+    if not file.exists():
+        return {}
+    found: dict[str, float] = json.loads(file.read_text(encoding="utf-8"))
+    return found
+
+
+def records_of(verdicts: Sequence[Verdict]) -> dict[str, float]:
+    """Return the numbers to keep as own record."""
+    return {f"{v.problem}: {v.answer.label}": v.answer.value for v in verdicts if v.answer.recorded}

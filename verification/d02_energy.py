@@ -1,0 +1,36 @@
+"""D2: average acceleration keeps the energy of a free tissue."""
+
+from needlefem.checks.energy import energy_drift
+from needlefem.checks.modal import eigenfrequencies
+from needlefem.checks.problem import Answer, Problem
+from needlefem.elements import CATALOGUE
+from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
+from needlefem.fem.model import Model
+from needlefem.materials import Isotropic
+from needlefem.scene import Support
+
+STEPS = 100_000
+
+
+def run() -> list[Answer]:
+    """Let a held square vibrate for 1e5 steps of a twentieth of its longest period."""
+    answers = []
+    for name, element in CATALOGUE.items():
+        mesh = name_faces(name_regions(box((0.0, 0.0), (1.0, 1.0), (4, 4)), {}), ("y", "z"))
+        material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
+        supports = {"one side": Support(faces=("y_min",))}
+        model = Model(mesh, element, {BACKGROUND: material}, supports, ("y", "z"))
+        period = 6.283185307179586 / eigenfrequencies(model, 1)[0]
+        drift = energy_drift(model, period / 20.0, STEPS)
+        label = f"{name}: largest drift over {STEPS} steps"
+        answers.append(Answer(label=label, value=drift, tolerance=1e-9, recorded=False))
+    return answers
+
+
+PROBLEM = Problem(
+    name="energy of free vibration",
+    requirement="Average acceleration without damping neither gains nor loses energy.",
+    reference="exact; T. Belytschko, D. F. Schoeberle 1975",
+    why="round-off of 1e5 steps",
+    run=run,
+)

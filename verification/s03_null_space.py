@@ -1,0 +1,39 @@
+"""S3: an unsupported tissue has exactly three motions that cost nothing."""
+
+from needlefem.checks.problem import Answer, Problem
+from needlefem.checks.tissue import rigid_motion, zero_modes
+from needlefem.elements import CATALOGUE
+from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
+from needlefem.fem.model import Model
+from needlefem.materials import Isotropic
+from needlefem.scene import Support
+
+
+def run() -> list[Answer]:
+    """Count zero eigenvalues of K, and measure the force that rigid motions cost."""
+    answers = []
+    for name, element in CATALOGUE.items():
+        mesh = name_faces(name_regions(box((0.0, 0.0), (1.0, 1.0), (4, 4)), {}), ("y", "z"))
+        material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
+        supports = {"one side": Support(faces=("y_min",))}  # K itself knows of none
+        model = Model(mesh, element, {BACKGROUND: material}, supports, ("y", "z"))
+        modes = Answer(
+            label=f"{name}: zero modes", value=zero_modes(model), reference=3.0, tolerance=0.0
+        )
+        force = Answer(
+            label=f"{name}: force of rigid motions",
+            value=rigid_motion(model).value,
+            tolerance=1e-12,
+            recorded=False,
+        )
+        answers += [modes, force]
+    return answers
+
+
+PROBLEM = Problem(
+    name="null space",
+    requirement="Two translations and one rotation cost no force, and nothing else.",
+    reference="exact; linear elasticity is indifferent to infinitesimal rigid motions",
+    why="a count is exact; forces are round-off",
+    run=run,
+)
