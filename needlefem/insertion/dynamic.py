@@ -15,7 +15,8 @@ from needlefem.dynamics import Motion, TissueDynamics
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.responses import SharedResponses
-from needlefem.needle.contact import Contact, Trial
+from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Trial
 from needlefem.needle.instrument import Instrument
 
 TOLERANCE = 1e-11

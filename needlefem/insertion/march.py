@@ -16,37 +16,13 @@ from needlefem.fem.interpolation import OutsideError, Weights
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.insertion.result import Insertion, Outcome, Snap, State, Status
-from needlefem.needle.contact import Contact, Trial
+from needlefem.insertion.step import NoEquilibriumError, Step, StepSolver
+from needlefem.needle.contact import Contact
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Scene
 
-TOLERANCE = 1e-12
-"""Lateral distance of the tip from the axis at which a step is solved, m."""
-MOST_ITERATIONS = 40
 STICK_TOLERANCE = 1e-9
 """Backward motion of the needle against a shaft point that ends the march, m."""
-
-
-@dataclasses.dataclass(frozen=True)
-class _Step:
-    """A step that satisfies the axial equations; `residual` is the lateral miss of the tip, m."""
-
-    tip: Vector
-    trial: Trial
-    depth: float
-    tip_force: float
-    excess: float
-    friction: float
-    lateral: Floats
-    offset: Floats
-    compliance: float
-    residual: Floats
-
-    @property
-    def forces(self) -> Floats:
-        """Forces on the trial's functionals."""
-        none = np.zeros_like(self.lateral)
-        return np.concatenate([[self.tip_force], none, [self.friction], self.lateral])
 
 
 class _StopError(Exception):
@@ -77,10 +53,7 @@ class March:
         self.contact = Contact(responses, instrument.axis.frame)
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.snaps: list[Snap] = []
-        self.evaluations = 0
-        lateral = instrument.axis.laterals.shape[0]
-        self._slope = np.zeros(lateral)
-        self._jacobian = np.eye(lateral)
+        self._solver = StepSolver(instrument, self.contact)
         self._states: list[State] = []
 
     def iterate(self) -> Iterator[State]:
@@ -90,6 +63,8 @@ class March:
             self.outcome = Outcome(Status.COMPLETED, f"reached {self._states[-1].depth:.4g} m")
         except _StopError as stop:
             self.outcome = stop.outcome
+        except NoEquilibriumError as error:
+            self.outcome = Outcome(Status.NOT_CONVERGED, str(error))
         except OutsideError:
             self.outcome = Outcome(Status.LEFT_TISSUE, "the tip left the tissue")
 
@@ -103,7 +78,7 @@ class March:
             states=tuple(self._states),
             pieces=tuple(self.contact.pieces),
             snaps=tuple(self.snaps),
-            evaluations=self.evaluations,
+            evaluations=self._solver.evaluations,
         )
 
     def _states_to_depth(self) -> Iterator[State]:
@@ -114,6 +89,9 @@ class March:
                 yield self._accept(step)
             else:
                 yield from self._snap()
+
+    def _solve(self, length: float, depth: float | None = None) -> Step:
+        return self._solver.solve(self._states[-1].tip, length, depth)
 
     def _keep(self, state: State) -> State:
         self._states.append(state)
@@ -149,77 +127,13 @@ class March:
             moved=np.concatenate([[depth], np.zeros(len(lateral))])[None],
         )
 
-    def _try(self, length: float, sideways: Floats, depth: float | None) -> _Step:
-        """Put the tip `length` further along the path, `sideways` of it across the axis.
-
-        With `depth` given the tip's force is what holds the tip there; else it is the cutting
-        force, and the depth follows.
-        """
-        self.evaluations += 1
-        axis, last = self.instrument.axis, self._states[-1].tip
-        forward = np.sqrt(length**2 - sideways @ sideways)
-        tip = last + forward * axis.direction + sideways @ axis.laterals
-        weights = self.instrument.tip_and_piece(tip, last)
-        trial = self.contact.try_functionals(weights)
-        dim = self.contact.dim
-        friction = self.instrument.friction_at(weights) * length
-        compliance = 1.0 / (self.instrument.lateral_stiffness * length)
-        offset = axis.offset(0.5 * (tip + last))
-        hold = trial.compliance[dim + 1 :, dim + 1 :] + compliance * np.eye(dim - 1)
-        loose = trial.displacement + friction * trial.compliance[:, dim]
-        # lateral force on the new piece: constant part, and part per unit of tip force
-        rhs = -np.stack([offset + loose[dim + 1 :], trial.compliance[dim + 1 :, 0]], axis=1)
-        lateral = np.linalg.solve(hold, rhs)
-        moved = np.stack([loose, trial.compliance[:, 0]], axis=1)[:dim]
-        moved = moved + trial.compliance[:dim, dim + 1 :] @ lateral
-        ahead = float(axis.along(tip))
-        limit = self.instrument.cutting_force_at(weights)
-        force = limit if depth is None else (depth - ahead - moved[0, 0]) / moved[0, 1]
-        return _Step(
-            tip=tip,
-            trial=trial,
-            depth=float(ahead + moved[0] @ [1.0, force]),
-            tip_force=float(force),
-            excess=float(force - limit),
-            friction=friction,
-            lateral=lateral @ [1.0, force],
-            offset=offset,
-            compliance=compliance,
-            residual=axis.offset(tip) + moved[1:] @ [1.0, force],
-        )
-
-    def _solve(self, length: float, depth: float | None = None) -> _Step:
-        """Find the step whose tip is on the axis (Broyden's method; the secant in 2D)."""
-        sideways = self._slope * length
-        step = self._try(length, sideways, depth)
-        jacobian = self._jacobian
-        for _ in range(MOST_ITERATIONS):
-            if np.max(np.abs(step.residual)) <= TOLERANCE:
-                self._jacobian = jacobian
-                return step
-            change = -np.linalg.solve(jacobian, step.residual)
-            wanted = sideways + change
-            wanted *= min(1.0, 0.9 * length / float(np.linalg.norm(wanted)))
-            change = wanted - sideways
-            new = self._try(length, wanted, depth)
-            error = new.residual - step.residual - jacobian @ change
-            jacobian = jacobian + np.outer(error, change) / (change @ change)
-            sideways, step = wanted, new
-        raise _StopError(
-            Status.NOT_CONVERGED,
-            f"no equilibrium found {length:.3g} m ahead of {self._states[-1].tip} m",
-        )
-
-    def _accept(self, step: _Step, jumping: bool = False) -> State:
+    def _accept(self, step: Step, jumping: bool = False) -> State:
         """Make the step's piece part of the path and keep the state."""
         forces = step.forces
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._check_slip(step.depth, moved)
-        self._slope = self.instrument.axis.offset(step.tip) - self.instrument.axis.offset(
-            self._states[-1].tip
-        )
-        self._slope = self._slope / np.linalg.norm(step.tip - self._states[-1].tip)
+        self._solver.follow(self._states[-1].tip, step.tip)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(
@@ -227,7 +141,7 @@ class March:
                 depth=step.depth,
                 tip=step.tip,
                 tip_force=step.tip_force,
-                cutting_force=step.tip_force - step.excess,
+                cutting_force=step.cutting_force,
                 tip_lateral=np.zeros(len(step.lateral)),
                 tip_nodes=weights.nodes,
                 tip_weights=weights.rows[0],
@@ -263,7 +177,7 @@ class March:
         yield self._accept(landing)
         self.snaps.append(Snap(depth, first, len(self._states) - 1))
 
-    def _peak(self) -> _Step | None:
+    def _peak(self) -> Step | None:
         """Return the step to the largest depth within one spacing, if there is one ahead."""
         spacing = self.instrument.spacing
         low, high = 0.0, spacing
@@ -300,7 +214,7 @@ def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> Sta
     )
 
 
-def _root(solve: Callable[[float], _Step], spacing: float) -> _Step:
+def _root(solve: Callable[[float], Step], spacing: float) -> Step:
     """Return the step, of length up to `spacing`, in which the excess force is gone."""
     low, high = 1e-3 * spacing, spacing
     for _ in range(60):

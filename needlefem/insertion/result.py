@@ -9,7 +9,7 @@ import numpy as np
 from needlefem.arrays import Floats, Ints, Points, Vector
 from needlefem.fem.model import Model
 from needlefem.needle.axis import Axis
-from needlefem.needle.contact import Piece
+from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Scene
 

@@ -55,7 +55,7 @@ class Simulation:
         self.scene = self.resolved.scene
         self.model = build_model(self.scene) if model is None else model
         self.direction: Vector = np.array(self.scene.motion.direction)
-        self.evaluations = self.insertions = 0
+        self.insertions = 0
 
     @cached_property
     def responses(self) -> Responses:
@@ -139,7 +139,6 @@ class Simulation:
             if stop is not None and stop(state):
                 break
         self.insertions += 1
-        self.evaluations += march.evaluations
         return march.result(self.scene, self.model)
 
 

@@ -1,0 +1,158 @@
+"""One step along the cut path: where the tip is next, and at which depth."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Trial
+from needlefem.needle.instrument import Instrument
+
+TOLERANCE = 1e-12
+"""Lateral distance of the tip from the axis at which a step is solved, m."""
+MOST_ITERATIONS = 40
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Step:
+    """A step that satisfies the axial equations.
+
+    Parameters
+    ----------
+    tip : array, shape (dim,), m
+        Material point at the tip.
+    trial : Trial
+        Its functionals: the tip's kernel, and the piece of path behind it.
+    depth : float, m
+    tip_force, cutting_force : float, N (N/m in 2D)
+        Axial force of the tip, and that at which it cuts there.
+    friction : float, N (N/m in 2D)
+        On the piece.
+    lateral : array, shape (dim - 1,), N (N/m in 2D)
+        On the piece.
+    offset : array, shape (dim - 1,), m
+        Lateral offset of the piece's material from the axis, undeformed.
+    compliance : float, m/N
+        Of the piece's lateral hold.
+    residual : array, shape (dim - 1,), m
+        Lateral distance of the tip from the axis.
+    """
+
+    tip: Vector
+    trial: Trial
+    depth: float
+    tip_force: float
+    cutting_force: float
+    friction: float
+    lateral: Floats
+    offset: Floats
+    compliance: float
+    residual: Floats
+
+    @property
+    def forces(self) -> Floats:
+        """Forces on the trial's functionals."""
+        none = np.zeros_like(self.lateral)
+        return np.concatenate([[self.tip_force], none, [self.friction], self.lateral])
+
+    @property
+    def excess(self) -> float:
+        """Force of the tip beyond that of cutting."""
+        return self.tip_force - self.cutting_force
+
+
+class NoEquilibriumError(Exception):
+    """No step of this length was found."""
+
+
+class StepSolver:
+    """Finds steps from the end of the path, learning from one for the next.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    contact : Contact
+        The path so far.
+    """
+
+    def __init__(self, instrument: Instrument, contact: Contact) -> None:
+        self._instrument, self._contact = instrument, contact
+        lateral = len(instrument.axis.laterals)
+        self._slope = np.zeros(lateral)
+        self._jacobian = np.eye(lateral)
+        self.evaluations = 0
+
+    def follow(self, last: Vector, tip: Vector) -> None:
+        """Expect the next step to go on in the direction of one just made."""
+        axis = self._instrument.axis
+        self._slope = (axis.offset(tip) - axis.offset(last)) / np.linalg.norm(tip - last)
+
+    def solve(self, last: Vector, length: float, depth: float | None = None) -> Step:
+        """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
+
+        Parameters
+        ----------
+        last : array, shape (dim,), m
+            Material point at the tip now.
+        length : float, m
+            Distance of the next one from it.
+        depth : float, m, optional
+            When given, the tip's force is what holds the tip at this depth; else it is the
+            cutting force, and the depth follows.
+
+        Raises
+        ------
+        NoEquilibriumError
+        """
+        sideways = self._slope * length
+        step = self._try(last, length, sideways, depth)
+        jacobian = self._jacobian
+        for _ in range(MOST_ITERATIONS):
+            if np.max(np.abs(step.residual)) <= TOLERANCE:
+                self._jacobian = jacobian
+                return step
+            change = -np.linalg.solve(jacobian, step.residual)
+            wanted = sideways + change
+            wanted *= min(1.0, 0.9 * length / float(np.linalg.norm(wanted)))
+            change = wanted - sideways
+            new = self._try(last, length, wanted, depth)
+            error = new.residual - step.residual - jacobian @ change
+            jacobian = jacobian + np.outer(error, change) / (change @ change)
+            sideways, step = wanted, new
+        raise NoEquilibriumError(f"no equilibrium found {length:.3g} m ahead of {last} m")
+
+    def _try(self, last: Vector, length: float, sideways: Floats, depth: float | None) -> Step:
+        """Put the tip `length` further along the path, `sideways` of it across the axis."""
+        self.evaluations += 1
+        instrument, axis, dim = self._instrument, self._instrument.axis, self._contact.dim
+        forward = np.sqrt(length**2 - sideways @ sideways)
+        tip = last + forward * axis.direction + sideways @ axis.laterals
+        weights = instrument.tip_and_piece(tip, last)
+        trial = self._contact.try_functionals(weights)
+        friction = instrument.friction_at(weights) * length
+        hold = 1.0 / (instrument.lateral_stiffness * length)
+        offset = axis.offset(0.5 * (tip + last))
+        loose = trial.displacement + friction * trial.compliance[:, dim]
+        # lateral force on the new piece: constant part, and part per unit of tip force
+        rhs = -np.stack([offset + loose[dim + 1 :], trial.compliance[dim + 1 :, 0]], axis=1)
+        stiff = trial.compliance[dim + 1 :, dim + 1 :] + hold * np.eye(dim - 1)
+        lateral = np.linalg.solve(stiff, rhs)
+        moved = np.stack([loose, trial.compliance[:, 0]], axis=1)[:dim]
+        moved = moved + trial.compliance[:dim, dim + 1 :] @ lateral
+        ahead = float(axis.along(tip))
+        limit = instrument.cutting_force_at(weights)
+        force = limit if depth is None else float((depth - ahead - moved[0, 0]) / moved[0, 1])
+        unit = np.array([1.0, force])
+        return Step(
+            tip=tip,
+            trial=trial,
+            depth=float(ahead + moved[0] @ unit),
+            tip_force=force,
+            cutting_force=limit,
+            friction=friction,
+            lateral=lateral @ unit,
+            offset=offset,
+            compliance=hold,
+            residual=axis.offset(tip) + moved[1:] @ unit,
+        )
