@@ -112,16 +112,22 @@ class Model:
         return spread
 
     def per_node(self, values: Mapping[str, float]) -> Floats:
-        """Average one number per subdomain at the nodes, by cell measure, shape (nnodes,).
+        """Return a field that is linear in every cell and continuous, shape (nnodes,).
 
-        Continuous when interpolated: a needle that crosses an interface sees no jump.
+        One number per subdomain, averaged at the vertices by cell measure: a needle that crosses
+        an interface sees no jump.
         """
-        measure = np.repeat(np.sum(self.basis.dx, axis=1), self.cell_nodes.shape[1])
-        value = np.repeat(self.per_cell(values), self.cell_nodes.shape[1])
-        where = self.cell_nodes.ravel()
-        weighted = np.bincount(where, measure * value, minlength=self.nnodes)
-        averaged: Floats = weighted / np.bincount(where, measure, minlength=self.nnodes)
-        return averaged
+        corners = self.mesh.t.T
+        measure = np.repeat(np.sum(self.basis.dx, axis=1), corners.shape[1])
+        value = np.repeat(self.per_cell(values), corners.shape[1])
+        where, count = corners.ravel(), self.mesh.nvertices
+        weighted = np.bincount(where, measure * value, minlength=count)
+        at_vertices = weighted / np.bincount(where, measure, minlength=count)
+        places = self.element.make().doflocs
+        barycentric = np.column_stack([1.0 - places.sum(axis=1), places])
+        field = np.zeros(self.nnodes)
+        field[self.cell_nodes] = at_vertices[corners] @ barycentric.T
+        return field
 
     @cached_property
     def lame(self) -> tuple[Floats, Floats]:
