@@ -114,11 +114,30 @@ def energy_identity(model: Model) -> CheckResult:
     )
 
 
-def orientation(model: Model) -> CheckResult:
-    """Check that no cell is flat: the smallest height over its longest edge.
+def covering(model: Model) -> CheckResult:
+    """Check that the cells cover the tissue once: their measures add up to what they enclose.
 
-    scikit-fem takes the absolute value of the Jacobian, so that flat cells pass silently.
+    scikit-fem takes the absolute value of the Jacobian, so that a cell which is turned over,
+    and lies on its neighbours, passes silently.
     """
+    mesh, dim = model.mesh, model.dim
+    corners = np.moveaxis(mesh.p[:, mesh.t], 2, 0)
+    cells = np.abs(np.linalg.det(corners[:, :, 1:] - corners[:, :, :1])).sum()
+    outer = mesh.boundary_facets()
+    facets = np.moveaxis(mesh.p[:, mesh.facets[:, outer]], 2, 0) - mesh.p.mean(axis=1)[:, None]
+    inside = mesh.p[:, mesh.t[:, mesh.f2t[0, outer]]].mean(axis=1).T - mesh.p.mean(axis=1)
+    local = np.concatenate([facets[:, :, 1:], inside[:, :, None]], axis=2) - facets[:, :, :1]
+    enclosed = float(np.sum(np.sign(np.linalg.det(local)) * np.linalg.det(facets)) * (-1) ** dim)
+    return CheckResult(
+        name="covering",
+        requirement="the cells cover the tissue once: none is turned over",
+        value=float(abs(cells - enclosed) / cells),
+        bound=1e-9,
+    )
+
+
+def cell_shape(model: Model) -> CheckResult:
+    """Check that no cell is flat: its longest edge over its smallest height, roughly."""
     corners = np.moveaxis(model.mesh.p[:, model.mesh.t], 2, 0)
     edges = corners[:, :, 1:] - corners[:, :, :1]
     measure = np.abs(np.linalg.det(edges))
@@ -136,7 +155,8 @@ def preflight(model: Model) -> tuple[CheckResult, ...]:
     """Run the checks that a tissue must pass before it is planned on, in milliseconds."""
     ratio = max(material.poissons_ratio for material in _isotropic(model))
     return (
-        orientation(model),
+        covering(model),
+        cell_shape(model),
         patch(model.mesh, model.element, ratio),
         rigid_motion(model),
         reciprocity(model),
