@@ -117,7 +117,7 @@ class Simulation:
     def instrument(self, entry: Entry) -> Instrument:
         """Return the needle on the line that starts at an entry."""
         needle, numbers = self.scene.needle, self.scene.discretisation
-        kernel: Kernel = PointKernel()
+        kernel: Kernel = PointKernel(self.model.dim - 1)
         if needle.tip == "disc":
             kernel = DiscKernel(needle.tip_radius, numbers.kernel_points, entry.point, entry.inward)
         return Instrument(

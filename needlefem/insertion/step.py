@@ -11,6 +11,8 @@ from needlefem.needle.instrument import Instrument
 
 TOLERANCE = 1e-12
 """Lateral distance of the tip from the axis at which a step is solved, m."""
+STALLED = 1e-15
+"""Change of the tip's direction below which iterating is in vain."""
 MOST_ITERATIONS = 40
 
 
@@ -116,6 +118,8 @@ class StepSolver:
             wanted = sideways + change
             wanted *= min(1.0, 0.9 * length / float(np.linalg.norm(wanted)))
             change = wanted - sideways
+            if float(np.linalg.norm(change)) <= STALLED * length:
+                break
             new = self._try(last, length, wanted, depth)
             error = new.residual - step.residual - jacobian @ change
             jacobian = jacobian + np.outer(error, change) / (change @ change)

@@ -45,9 +45,13 @@ class Instrument:
     spacing: float
 
     @cached_property
-    def _piece_rule(self) -> tuple[Floats, Floats]:
+    def _piece_rule(self) -> tuple[Floats, Floats, Floats]:
+        """Shares of the piece's length, offsets across it (m), and weights, point by point."""
         nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
-        return 0.5 * (nodes[:, None] + 1.0), 0.5 * weights
+        across, across_weights = self.kernel.cross_section()
+        share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
+        offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))
+        return share, offsets, np.outer(weights, across_weights).ravel()
 
     def tip(self, point: Vector) -> Weights:
         """Return the mean over the tip's kernel at a material point (one row)."""
@@ -64,8 +68,8 @@ class Instrument:
             Material points at the tip now, and at the end of the newest piece.
         """
         points, weights = self.kernel.quadrature(point)
-        share, piece_weights = self._piece_rule
-        piece = last + share * (point - last)
+        share, offsets, piece_weights = self._piece_rule
+        piece = last + share * (point - last) + offsets
         rows = np.repeat([0, 1], [len(points), len(piece)])
         return self.interpolation.means(
             np.concatenate([points, piece]), np.concatenate([weights, piece_weights]), rows, 2

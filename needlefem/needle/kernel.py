@@ -19,13 +19,33 @@ class Kernel(Protocol):
         """Return points, shape (n, dim), and weights, shape (n,), that sum to 1."""
         ...
 
+    def cross_section(self) -> tuple[Points, Floats]:
+        """Return a rule over the shaft's cross-section; weights sum to 1.
+
+        Offsets along the needle's lateral directions, shape (n, dim - 1), m, and weights (n,).
+        """
+        ...
+
 
 class PointKernel:
-    """A point force. It never converges under refinement and is kept to show just that."""
+    """A point force. It never converges under refinement and is kept to show just that.
+
+    Parameters
+    ----------
+    laterals : int
+        Number of lateral directions.
+    """
+
+    def __init__(self, laterals: int) -> None:
+        self._laterals = laterals
 
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
         return centre[None], np.ones(1)
+
+    def cross_section(self) -> tuple[Points, Floats]:
+        """See `Kernel`: the shaft is a line."""
+        return np.zeros((1, self._laterals)), np.ones(1)
 
 
 class DiscKernel:
@@ -69,6 +89,10 @@ class DiscKernel:
         points = centre + height[:, None, None] * self._inward + across
         weights = (slab[:, None] * self._across_weights).ravel()
         return points.reshape(-1, len(centre)), weights / weights.sum()
+
+    def cross_section(self) -> tuple[Points, Floats]:
+        """See `Kernel`: uniform over a shaft as thick as the tip."""
+        return self.radius * self._across, self._across_weights / self._across_weights.sum()
 
 
 def _unit_ball_rule(dim: int, n: int) -> tuple[Points, Floats]:

@@ -169,8 +169,9 @@ class Planner:
             where = f"between {100 * low:+.3g} and {100 * high:+.3g} cm of the target's height"
             return PlanStatus.OUTSIDE_RANGE, f"no height {where} hits the target; {missed}"
         if solution.found is Found.UNREACHABLE:
-            why = self._insert(solution.height)[0].outcome.sentence
-            sentence = f"the tip never comes level with the target: {why}"
+            failed = [height for height, miss in solution.tried if miss is None]
+            why = self._insert(failed[-1])[0].outcome.sentence
+            sentence = f"the tip does not come level with the target: {why}"
             return PlanStatus.UNREACHABLE, sentence
         return PlanStatus.NOT_CONVERGED, f"the search did not converge; {missed}"
 
