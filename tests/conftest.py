@@ -58,7 +58,10 @@ def organ(gel: Scene) -> Scene:
     return vary(
         gel,
         {
-            "materials": {**gel.materials, "stiff": Isotropic(youngs_modulus=90e3, poissons_ratio=0.45)},
+            "materials": {
+                **gel.materials,
+                "stiff": Isotropic(youngs_modulus=90e3, poissons_ratio=0.45),
+            },
             "regions": {"organ": Region(contour=Contour(circle), material="stiff")},
         },
     )

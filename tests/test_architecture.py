@@ -18,8 +18,10 @@ FLOORS = [
     ["needle", "dynamics"],
     ["insertion"],
     ["checks"],
-    ["planning", "output"],
+    ["planning"],
+    ["output"],
     ["casefile"],
+    ["bench"],
     ["cli"],
 ]
 """A module may import from its own room and from floors below."""

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case, read_scene
 from needlefem.casefile.contourfile import read_contour
+from needlefem.casefile.load import load_case, read_scene
 from needlefem.errors import CaseError
 from needlefem.scene import Scene, vary
 from tests.conftest import PAPER_CASE
@@ -18,7 +18,7 @@ def test_the_paper_case_is_read(paper_scene: Scene) -> None:
     assert paper_scene.target == (0.015, 0.03)
     assert paper_scene.motion.direction == (0.0, 1.0)
     assert len(paper_scene.regions["prostate"].contour.points) == 96
-    assert {e.kind for e in paper_scene.expect} == {"calibrated", "predicted"}
+    assert {e.kind for e in paper_scene.expect} == {"calibrated", "predicted", "required"}
 
 
 def test_overrides_are_parsed_and_recorded() -> None:
@@ -66,7 +66,13 @@ def _case() -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("table", "key"),
-    [("needle", "cutting_force"), ("mesh", "size"), ("motion", "max_depth"), ("", "needle"), ("", "tissue")],
+    [
+        ("needle", "cutting_force"),
+        ("mesh", "size"),
+        ("motion", "max_depth"),
+        ("", "needle"),
+        ("", "tissue"),
+    ],
 )
 def test_missing_keys_are_named(table: str, key: str) -> None:
     data = _case()

@@ -1,4 +1,4 @@
-"""``needlefem run|plan|verify|study``: arguments, dispatch, exit statuses.
+"""``needlefem run|plan|verify|study|bench``: arguments, dispatch, exit statuses.
 
 0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
 4 no renderer.
@@ -18,6 +18,7 @@ COMMANDS = {
     "plan": "find the release point that ends on the case's target",
     "verify": "run the reference problems",
     "study": "measure what the answers of a case depend on",
+    "bench": "measure what they cost",
 }
 
 
@@ -52,8 +53,10 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _case(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("case", help="path of a case.toml")
+def _case(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
+    parser.add_argument(
+        "case", nargs="?" if optional else None, default="", help="path of a case.toml"
+    )
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help='replace a key of the case, as in --set needle.tip_radius="1 mm"',
@@ -89,11 +92,16 @@ def _verify(parser: argparse.ArgumentParser) -> None:
 
 def _study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", help="name of the study; 'list' names them")
-    _case(parser)
+    _case(parser, optional=True)
     parser.add_argument("--on", metavar="CASE", help="second case of a study that needs one")
 
 
-_OPTIONS = {"run": _run, "plan": _plan, "verify": _verify, "study": _study}
+def _bench(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("benchmark", help="name of the benchmark; 'list' names them")
+    parser.add_argument("case", nargs="?", default="", help="path of a case.toml")
+
+
+_OPTIONS = {"run": _run, "plan": _plan, "verify": _verify, "study": _study, "bench": _bench}
 
 if __name__ == "__main__":
     sys.exit(main())

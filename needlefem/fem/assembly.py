@@ -1,5 +1,7 @@
 """Stiffness and mass from scikit-fem's forms."""
 
+import math
+
 import numpy as np
 from skfem import Basis, BilinearForm, ElementVector
 from skfem.helpers import dot
@@ -11,8 +13,16 @@ from needlefem.errors import CaseError
 
 
 def displacement_basis(mesh: SkfemMesh, element: ElementRow, order: int) -> Basis:
-    """Return the vector-valued basis of the displacement, integrating degree `order` exactly."""
-    return Basis(mesh, ElementVector(element.make()), intorder=order)
+    """Return the vector-valued basis of the displacement, integrating degree `order` exactly.
+
+    Order 0 is one point in the middle of a simplex, which scikit-fem's own rules never are.
+    """
+    vector = ElementVector(element.make())
+    if order > 0:
+        return Basis(mesh, vector, intorder=order)
+    corners = mesh.dim() + 1
+    middle = np.full((mesh.dim(), 1), 1.0 / corners)
+    return Basis(mesh, vector, quadrature=(middle, np.array([1.0 / math.factorial(mesh.dim())])))
 
 
 def stiffness(basis: Basis, lam: Floats, mu: Floats) -> Sparse:

@@ -10,8 +10,9 @@ from needlefem.arrays import Bools, Floats, Vector
 from needlefem.insertion.path import Path as CutPath
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.output.canvas import Canvas, Style, Window
 from needlefem.output.driver import renderer
-from needlefem.output.render import Canvas, Style, Window, draw_tissue, save
+from needlefem.output.render import draw_tissue, save
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, Release
 from needlefem.scene import Scene

@@ -6,6 +6,7 @@ import time
 import numpy as np
 
 from needlefem.arrays import Vector
+from needlefem.checks.needle import needle_resolution
 from needlefem.checks.result import CheckResult
 from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError, CheckFailedError
@@ -69,7 +70,7 @@ def plan(
 
 def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
     """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
-    checks = preflight(simulation.model)
+    checks = (*preflight(simulation.model), needle_resolution(simulation.scene))
     failed = [check for check in checks if not check.passed]
     if failed:
         worst = failed[0]

@@ -1,0 +1,79 @@
+# make plan    plan the paper's target, with pictures, into out/prostate-2003
+# make test    lint, types, verification, tests
+# make help    everything else
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+OUT ?= out
+PAPER := cases/prostate-2003/case.toml
+RESOLVED := cases/prostate/case.toml
+DEBIAN := libegl1 libgl1 libgl1-mesa-dri libxrender1
+DRAWS := $(BIN)/python -c "from needlefem.output.driver import renderer; renderer()"
+
+# what a bare Debian lacks: python3-venv for the environment, Mesa for pictures
+AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
+APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
+
+.PHONY: help install plan test verify lint types unit studies calibrate bench clean
+
+help:
+	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
+	@echo "make test       lint, types, verification and tests"
+	@echo "make verify     the reference problems alone"
+	@echo "make lint       ruff"
+	@echo "make types      mypy"
+	@echo "make studies    every study behind the documentation's tables (half an hour)"
+	@echo "make calibrate  calibrate the paper's scene anew (an hour)"
+	@echo "make bench      what a plan costs"
+	@echo "make install    the environment in $(VENV), which all others make when it is missing"
+	@echo "make clean      remove $(VENV) and $(OUT)"
+
+install: $(VENV)/installed
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV) || { $(APT) update && $(APT) install -y python3-venv && $(PYTHON) -m venv --clear $(VENV); }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[all]"
+	$(DRAWS) 2>/dev/null || { $(APT) update && $(APT) install -y --no-install-recommends $(DEBIAN) && $(DRAWS); }
+	@touch $@
+
+plan: install
+	$(BIN)/needlefem plan $(PAPER) --out $(OUT)/prostate-2003
+
+test: lint types verify unit
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: install
+	$(BIN)/mypy
+
+verify: install
+	$(BIN)/needlefem verify
+
+unit: install
+	$(BIN)/pytest
+
+studies: install
+	$(BIN)/needlefem study targets $(PAPER)
+	$(BIN)/needlefem study robust $(PAPER) --on $(RESOLVED)
+	$(BIN)/needlefem study dynamics $(PAPER)
+	$(BIN)/needlefem study energy $(PAPER)
+	$(BIN)/needlefem study energy $(RESOLVED)
+	$(BIN)/needlefem study smoothness $(PAPER)
+	$(BIN)/needlefem study smoothness $(RESOLVED)
+	$(BIN)/needlefem study independence $(RESOLVED)
+	$(BIN)/needlefem study stability $(PAPER)
+	$(BIN)/needlefem study convergence $(RESOLVED)
+
+calibrate: install
+	$(BIN)/python cases/prostate-2003/calibrate.py --draws 512 --write
+
+bench: install
+	$(BIN)/needlefem bench process $(PAPER)
+	$(BIN)/needlefem bench plan $(PAPER)
+	$(BIN)/needlefem bench plan $(RESOLVED)
+
+clean:
+	rm -rf $(VENV) $(OUT)

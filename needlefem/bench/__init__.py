@@ -1,0 +1,23 @@
+"""Benchmarks: what things cost, as ratios within one run. A benchmark is one file and a name."""
+
+from collections.abc import Callable
+from importlib import import_module
+
+from needlefem.errors import CaseError, nearest
+from needlefem.table import Table
+
+Benchmark = Callable[[str], Table]
+"""Takes the path of a case."""
+
+BENCHMARKS = {
+    "plan": "stages of a plan in milliseconds and in back-substitutions of its own model",
+    "process": "the whole plan command against importing scikit-fem",
+}
+
+
+def benchmark(name: str) -> Benchmark:
+    """Return a benchmark by name, or raise a `CaseError` with the nearest name."""
+    if name not in BENCHMARKS:
+        raise CaseError("benchmark", f"no benchmark '{name}'", nearest(name, BENCHMARKS))
+    found: Benchmark = import_module(f"needlefem.bench.{name}").run
+    return found

@@ -1,0 +1,24 @@
+"""Timing that survives a noisy machine: rounds in turn, medians, spread."""
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+
+Timed = Mapping[str, Callable[[], object]]
+
+
+def in_turn(tasks: Timed, rounds: int) -> dict[str, list[float]]:
+    """Run all tasks round by round and return their seconds; one round before is not counted."""
+    seconds: dict[str, list[float]] = {name: [] for name in tasks}
+    for number in range(rounds + 1):
+        for name, task in tasks.items():
+            start = time.perf_counter()
+            task()
+            if number:
+                seconds[name].append(time.perf_counter() - start)
+    return seconds
+
+
+def median(values: list[float]) -> float:
+    """Return the median."""
+    return statistics.median(values)

@@ -1,0 +1,74 @@
+"""The keys of a case as a table, from what the fields declare."""
+
+import dataclasses
+import typing
+from typing import Any
+
+from needlefem.knobs import Knob, knob_of
+from needlefem.materials import LAWS
+from needlefem.scene import (
+    BoxMesh,
+    Discretisation,
+    Motion,
+    Needle,
+    Outputs,
+    Planning,
+    Refinement,
+    Region,
+    Support,
+    TargetDraw,
+)
+
+TABLES: dict[str, type] = {
+    "mesh": BoxMesh,
+    "mesh.refine": Refinement,
+    "materials.NAME": LAWS["isotropic"],
+    "regions.NAME": Region,
+    "supports.NAME": Support,
+    "discretisation": Discretisation,
+    "needle": Needle,
+    "motion": Motion,
+    "planning": Planning,
+    "targets": TargetDraw,
+    "outputs": Outputs,
+}
+
+
+def describe() -> str:
+    """Return all keys as Markdown tables: meaning, dimension, range and default (SI)."""
+    parts = []
+    for name, cls in TABLES.items():
+        rows = [row for field in dataclasses.fields(cls) if (row := _row(field)) is not None]
+        head = ["| key | meaning | dimension | range | default |", "|---|---|---|---|---|"]
+        parts.append("\n".join([f"## `[{name}]`", "", *head, *rows]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _row(field: "dataclasses.Field[Any]") -> str | None:
+    declared = knob_of(field)
+    if declared is None:
+        return None
+    cells = [
+        f"`{field.name}`",
+        declared.sentence,
+        declared.dimension or "",
+        _range(declared),
+        _default(field),
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _range(declared: Knob) -> str:
+    if declared.choices:
+        return ", ".join(f"`{choice}`" for choice in declared.choices)
+    text = declared.range_text()
+    return "" if text == "finite" else text
+
+
+def _default(field: "dataclasses.Field[Any]") -> str:
+    if field.default is dataclasses.MISSING:
+        return "required"
+    if field.default in ((), None):
+        return "none"
+    value = typing.cast(object, field.default)
+    return f"{value:g}" if isinstance(value, float) else str(value)

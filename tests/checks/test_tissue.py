@@ -1,0 +1,85 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from skfem import Basis, ElementVector
+
+from needlefem.checks import tissue
+from needlefem.checks.modal import eigenfrequencies
+from needlefem.elements import CATALOGUE
+from needlefem.fem.assembly import stiffness
+from needlefem.fem.build import build_model
+from needlefem.fem.model import Model
+from needlefem.scene import Scene, vary
+
+
+@pytest.fixture(params=CATALOGUE)
+def model(request: pytest.FixtureRequest, organ: Scene) -> Model:
+    return build_model(vary(organ, {"discretisation.element": request.param}))
+
+
+def test_a_good_tissue_passes(model: Model) -> None:
+    checks = tissue.preflight(model)
+    assert [check.name for check in checks if not check.passed] == []
+    assert len({check.name for check in checks}) == len(checks) == 6
+
+
+def test_a_turned_over_cell_is_caught(model: Model) -> None:
+    mesh = model.mesh
+    points = mesh.p.copy()
+    inner = np.setdiff1d(np.arange(mesh.nvertices), mesh.boundary_nodes())[40]
+    points[:, inner] += [4e-3, 4e-3]
+    model.mesh = dataclasses.replace(mesh, doflocs=points)
+    assert not tissue.covering(model).passed
+    assert tissue.cell_shape(model).passed
+
+
+def test_a_flat_cell_is_caught(model: Model) -> None:
+    mesh = model.mesh
+    points = mesh.p.copy()
+    a, b, c = mesh.t[:, 200]
+    points[:, c] = 0.5 * (points[:, a] + points[:, b]) + 1e-9
+    model.mesh = dataclasses.replace(mesh, doflocs=points)
+    assert not tissue.cell_shape(model).passed
+
+
+def test_a_stiffness_that_resists_rotation_is_caught(model: Model) -> None:
+    model.__dict__["stiffness"] = (
+        model.stiffness + 1e-6 * model.stiffness.max() * model.mass / model.mass.max()
+    )
+    assert not tissue.rigid_motion(model).passed
+
+
+def test_a_stiffness_that_is_not_symmetric_is_caught(model: Model) -> None:
+    skew = model.stiffness.copy().tolil()
+    i, j = model.free_dofs[50], model.free_dofs[51]
+    skew[i, j] += 0.05 * skew[i, i]
+    model.__dict__["stiffness"] = skew.tocsr()
+    assert not (tissue.reciprocity(model).passed and tissue.energy_identity(model).passed)
+
+
+def test_a_factorisation_of_another_matrix_is_caught(model: Model) -> None:
+    factor = model.factor
+
+    class Wrong:
+        def solve(self, rhs: np.ndarray) -> np.ndarray:
+            return 1.01 * factor.solve(rhs)
+
+    model.__dict__["factor"] = Wrong()
+    assert not tissue.energy_identity(model).passed
+
+
+def test_too_few_quadrature_points_show_in_the_null_space(organ: Scene) -> None:
+    """One point is too few for quadratic elements: K gets motions that cost nothing."""
+    model = build_model(vary(organ, {"discretisation.element": "P2", "mesh.divisions": (8, 8)}))
+    assert tissue.zero_modes(model) == 3
+    middle = (np.full((2, 1), 1.0 / 3.0), np.array([0.5]))
+    basis = Basis(model.mesh, ElementVector(model.element.make()), quadrature=middle)
+    model.__dict__["stiffness"] = stiffness(basis, *model.lame)
+    assert tissue.zero_modes(model) > 3
+
+
+def test_held_box_has_no_zero_frequency(model: Model) -> None:
+    frequencies = eigenfrequencies(model, 3)
+    assert frequencies[0] > 1.0
+    assert np.all(np.diff(frequencies) >= 0.0)

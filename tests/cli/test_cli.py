@@ -1,0 +1,166 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from needlefem.cli.main import main
+from tests.conftest import PAPER_CASE, ROOT
+
+CASE = str(PAPER_CASE)
+SMALL = ["--set", "mesh.divisions=[16, 16]", "--set", "needle.tip_radius=2 mm"]
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    status = main(list(arguments))
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def test_plan_meets_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "plan", CASE)
+    assert status == 0
+    assert "release at" in out
+    assert "plan.unplanned.placed_at" in out
+    assert "warning: P1 locks at Poisson's ratio" in err
+
+
+def test_plan_json_keeps_its_contract(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, err = run(capsys, "plan", CASE, "--json")
+    record = json.loads(out)
+    assert (status, err) == (0, "")
+    contract = {
+        "status", "target", "release_point", "placement_error", "unplanned", "depth_only",
+        "insertions", "energy_residual", "preflight", "timings", "skipped", "warnings",
+    }  # fmt: skip
+    assert contract <= set(record)
+    for name in ("unplanned", "depth_only"):
+        assert {"release_point", "placed_at", "placement_error"} <= set(record[name])
+    assert record["target"] == [0.015, 0.03]
+    assert all(check["passed"] for check in record["preflight"])
+
+
+def test_run_json_keeps_its_contract(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "run", CASE, "--json", *SMALL)
+    record = json.loads(out)
+    contract = {
+        "status", "tip_path", "depth", "tip_force", "shaft_force", "seeds", "energy", "timings",
+        "skipped", "warnings",
+    }  # fmt: skip
+    assert status == 0
+    assert contract <= set(record)
+    assert len(record["depth"]) == len(record["tip_path"]) == len(record["tip_force"])
+    assert record["overrides"] == {"mesh.divisions": [16, 16], "needle.tip_radius": "2 mm"}
+    assert record["seeds"][0]["status"] == "placed"
+    assert record["seeds"][0]["released_at"] == pytest.approx([0.015, 0.05])
+
+
+def test_run_before_puncture_still_reports_its_error(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "run", CASE, "--json", "--set", "motion.max_depth=1 mm")
+    record = json.loads(out)
+    assert status == 0
+    assert record["status"] == "not_punctured"
+    assert record["seeds"][0]["status"] == "not_punctured"
+    assert record["seeds"][0]["placement_error"] == pytest.approx(0.03)
+
+
+def test_results_are_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    status, _, _ = run(capsys, "run", CASE, "--out", str(tmp_path / "run"), *SMALL)
+    assert status == 0
+    assert {p.name for p in (tmp_path / "run").iterdir()} == {"run.json", "insertion.csv"}
+    header = (tmp_path / "run" / "insertion.csv").read_text().splitlines()[0]
+    assert header == "depth [m],y [m],z [m],tip force [N/m],shaft force [N/m]"
+    out = str(tmp_path / "plan")
+    assert run(capsys, "plan", CASE, "--out", out, "--no-pictures")[0] == 0
+    assert [p.name for p in (tmp_path / "plan").iterdir()] == ["plan.json"]
+
+
+def test_mistakes_end_with_2_and_one_line(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    arguments = ["plan", CASE, "--set", "needle.tip_radiu=1 mm", "--out", str(tmp_path / "out")]
+    status, out, err = run(capsys, *arguments)
+    assert status == 2
+    assert out == ""
+    assert err == "needlefem: needle.tip_radiu: unknown key; did you mean 'tip_radius'?\n"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ('target.point=["9 cm", "3 cm"]', "is outside the tissue"),
+        ('motion.entry=["1.5 cm", "1 cm"]', "is not on the skin"),
+        ("supports.walls.faces=[]", "3 rigid motions of the tissue are free"),
+        ('regions.prostate.offset=["1 cm", "2 cm"]', "the contour leaves the mesh"),
+        ("mesh.divisions=[1, 1]", "no mesh cell lies in the contour"),
+        ("motion.direction=[1.0, 0.0]", "is held by a support"),
+    ],
+)
+def test_scenes_that_can_not_be(
+    capsys: pytest.CaptureFixture[str], override: str, says: str
+) -> None:
+    status, _, err = run(capsys, "plan", CASE, "--set", override)
+    assert status == 2
+    assert says in err
+    assert err.count("\n") == 1
+
+
+def test_missed_expectation_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "plan", CASE, "--set", "needle.cutting_force=10 N/m")
+    assert status == 1
+    assert "  no  " in out
+
+
+def test_plan_without_solution_ends_with_3(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "plan", CASE, "--json", "--set", "motion.max_depth=1 cm")
+    assert status == 3
+    assert json.loads(out)["status"] == "unreachable"
+
+
+def test_too_coarse_a_mesh_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, err = run(capsys, "plan", CASE, "--set", "mesh.divisions=[6, 6]")
+    assert status == 1
+    assert "refused: check 'needle resolution'" in err
+
+
+def test_no_renderer_ends_with_4(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from needlefem.output import driver
+
+    monkeypatch.setattr(driver, "WINDOWS", ())
+    driver.renderer.cache_clear()
+    status, _, err = run(capsys, "plan", CASE, "--out", str(tmp_path))
+    driver.renderer.cache_clear()
+    assert status == 4
+    assert "apt-get install" in err
+    assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
+
+
+def test_verify_one_problem(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(ROOT / "verification")
+    status, out, _ = run(capsys, "verify", "s01_patch", "--problems", folder)
+    assert status == 0
+    assert "P2, nu 0.4999: largest error" in out
+    status, out, _ = run(capsys, "verify", "s01_patch", "--problems", folder, "--json")
+    assert all(item["reference_met"] for item in json.loads(out))
+
+
+def test_verify_unknown_problem(capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, err = run(capsys, "verify", "s01_pach", "--problems", str(ROOT / "verification"))
+    assert status == 2
+    assert "did you mean 's01_patch'?" in err
+
+
+def test_studies_are_listed_and_run(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "study", "list")
+    assert status == 0
+    assert "convergence" in out
+    status, out, _ = run(capsys, "study", "robust", CASE, "--json")
+    assert status == 0
+    assert json.loads(out)["tables"][0]["rows"][0]["carried out"] == "the case itself"
+
+
+def test_debug_shows_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
+    _, _, err = run(capsys, "plan", "nowhere.toml", "--debug")
+    assert "Traceback" in err

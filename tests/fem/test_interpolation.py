@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+from skfem import Basis
+
+from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.fem.interpolation import Interpolation, Locator, OutsideError, ShapeTable
+from needlefem.fem.mesh import box, near_segment, refine
+
+
+@pytest.fixture(params=CATALOGUE.values(), ids=CATALOGUE)
+def element(request: pytest.FixtureRequest) -> ElementRow:
+    row: ElementRow = request.param
+    return row
+
+
+def graded() -> object:
+    begin, end = np.array([0.3, 0.0]), np.array([0.3, 0.6])
+    return refine(box((0, 0), (1, 1), (6, 6)), near_segment(begin, end, 0.05, 0.02))
+
+
+def test_shape_table_is_scikit_fems(element: ElementRow) -> None:
+    points = np.random.default_rng(1).dirichlet(np.ones(3), 20)[:, 1:]
+    lagrange = element.make()
+    theirs = [lagrange.lbasis(points.T, i)[0] for i in range(len(lagrange.doflocs))]
+    assert ShapeTable(element)(points) == pytest.approx(np.array(theirs).T, abs=1e-14)
+
+
+def test_values_agree_with_scikit_fems_probes(element: ElementRow) -> None:
+    mesh = graded()
+    basis = Basis(mesh, element.make())
+    field = np.random.default_rng(2).normal(size=basis.N)
+    points = np.random.default_rng(3).uniform(0.05, 0.95, (200, 2))
+    ours = Interpolation(mesh, element, basis.element_dofs.T).at(points).of(field)
+    assert ours == pytest.approx(basis.probes(points.T) @ field, abs=1e-12)
+
+
+def test_every_point_of_a_graded_mesh_is_found() -> None:
+    mesh = graded()
+    points = np.random.default_rng(4).uniform(0.0, 1.0, (2000, 2))
+    cells, reference = Locator(mesh).find(points)
+    assert cells.min() >= 0
+    corners = mesh.p[:, mesh.t[:, cells]]
+    mapped = corners[:, 0] + np.einsum("dcn,nc->dn", corners[:, 1:] - corners[:, :1], reference)
+    assert pytest.approx(points, abs=1e-12) == mapped.T
+
+
+def test_shared_points_belong_to_the_lowest_cell() -> None:
+    mesh = box((0, 0), (1, 1), (4, 4))
+    found, _ = Locator(mesh).find(mesh.p.T)
+    lowest = [np.flatnonzero(np.any(mesh.t == v, axis=0)).min() for v in range(mesh.nvertices)]
+    assert found.tolist() == lowest
+
+
+def test_points_outside_are_decided(element: ElementRow) -> None:
+    mesh = box((0, 0), (1, 1), (4, 4))
+    cells, _ = Locator(mesh).find(
+        np.array([[-0.1, 0.5], [1.1, 0.5], [0.5, 1.0], [np.nextafter(1, 2), 1.0]])
+    )
+    assert (cells >= 0).tolist() == [False, False, True, True]
+    basis = Basis(mesh, element.make())
+    interpolation = Interpolation(mesh, element, basis.element_dofs.T)
+    points, rows = np.array([[0.5, 0.5], [1.5, 0.5]]), np.array([0, 0])
+    means = interpolation.means(points, np.ones(2), rows, 1)
+    assert means.rows.sum() == pytest.approx(1.0)
+    assert means.of(basis.doflocs[0]) == pytest.approx(0.5)
+    with pytest.raises(OutsideError):
+        interpolation.means(points + 2.0, np.ones(2), rows, 1)
+
+
+def test_means_are_weighted(element: ElementRow) -> None:
+    mesh = box((0, 0), (1, 1), (4, 4))
+    basis = Basis(mesh, element.make())
+    points = np.array([[0.1, 0.2], [0.7, 0.9], [0.4, 0.4]])
+    means = Interpolation(mesh, element, basis.element_dofs.T).means(
+        points, np.array([1.0, 3.0, 2.0]), np.array([0, 0, 1]), 2
+    )
+    assert means.of(basis.doflocs.T) == pytest.approx(np.array([[0.55, 0.725], [0.4, 0.4]]))
+    assert len(np.unique(means.nodes)) == len(means.nodes)

@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from needlefem.contour import Contour
+from needlefem.errors import CaseError
+from needlefem.fem import mesh as meshes
+from needlefem.fem.fit import fit_to_contour
+
+
+def disc(radius: float = 0.3) -> Contour:
+    turn = 2.0 * np.pi * np.arange(64) / 64
+    return Contour(0.5 + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1))
+
+
+@pytest.mark.parametrize(("pattern", "cells"), [("diagonal", 24), ("crossed", 48)])
+def test_box_covers_itself(pattern: str, cells: int) -> None:
+    mesh = meshes.box((1.0, 2.0), (3.0, 4.0), (3, 4), pattern)
+    assert mesh.nelements == cells
+    assert np.abs(meshes.signed_measures(mesh)).sum() == pytest.approx(12.0)
+    assert mesh.p.min(axis=1) == pytest.approx([1.0, 2.0])
+    assert mesh.p.max(axis=1) == pytest.approx([4.0, 6.0])
+
+
+def test_cell_size_is_the_leg() -> None:
+    assert meshes.cell_sizes(meshes.box((0, 0), (1, 1), (4, 4))) == pytest.approx(0.25)
+
+
+def test_refinement_reaches_the_size_where_wanted() -> None:
+    begin, end = np.array([0.3, 0.0]), np.array([0.3, 0.6])
+    field = meshes.near_segment(begin, end, 0.05, 0.03)
+    mesh = meshes.refine(meshes.box((0, 0), (1, 1), (8, 8)), field)
+    centroids = mesh.p[:, mesh.t].mean(axis=1).T
+    sizes = meshes.cell_sizes(mesh)
+    assert np.all(sizes[np.isfinite(field(centroids))] <= 0.0301)
+    assert sizes.max() > 0.1
+    assert np.abs(meshes.signed_measures(mesh)).sum() == pytest.approx(1.0)
+
+
+def test_refinement_that_never_ends_is_refused() -> None:
+    with pytest.raises(CaseError, match="still too coarse after 2 refinements"):
+        meshes.refine(meshes.box((0, 0), (1, 1), (2, 2)), lambda x: np.full(len(x), 1e-3), limit=2)
+
+
+def test_faces_and_regions_are_named() -> None:
+    mesh = meshes.name_faces(
+        meshes.name_regions(meshes.box((0, 0), (1, 1), (20, 20)), {"organ": disc()}), ("y", "z")
+    )
+    assert set(mesh.boundaries) == {"y_min", "y_max", "z_min", "z_max"}
+    assert all(len(facets) == 20 for facets in mesh.boundaries.values())
+    area = np.abs(meshes.signed_measures(mesh))[mesh.subdomains["organ"]].sum()
+    assert area == pytest.approx(np.pi * 0.09, rel=0.03)
+    assert len(mesh.subdomains["organ"]) + len(mesh.subdomains[meshes.BACKGROUND]) == 800
+
+
+def test_empty_region_is_refused() -> None:
+    with pytest.raises(CaseError, match="regions.organ: no mesh cell lies in the contour"):
+        meshes.name_regions(meshes.box((0, 0), (1, 1), (2, 2)), {"organ": disc(0.01)})
+
+
+@pytest.mark.parametrize("pattern", ["diagonal", "crossed"])
+def test_fitted_mesh_has_the_contour_as_edges(pattern: str) -> None:
+    contour = disc()
+    mesh = fit_to_contour(meshes.box((0, 0), (1, 1), (20, 20), pattern), contour)
+    assert np.abs(meshes.signed_measures(mesh)).sum() == pytest.approx(1.0)
+    named = meshes.name_regions(mesh, {"organ": contour})
+    owner = np.zeros(mesh.nelements, dtype=bool)
+    owner[named.subdomains["organ"]] = True
+    left, right = mesh.f2t
+    interface = np.flatnonzero((right >= 0) & (owner[left] != owner[right]))
+    ends = mesh.p[:, np.unique(mesh.facets[:, interface])].T
+    assert contour.distance(ends).max() < 1e-12
+    area = np.abs(meshes.signed_measures(mesh))[owner].sum()
+    polygon = 0.5 * 64 * 0.09 * np.sin(2.0 * np.pi / 64)
+    assert area == pytest.approx(polygon, rel=1e-2)  # chords of the cells
+
+
+def test_fitting_keeps_the_outer_boundary() -> None:
+    mesh = fit_to_contour(meshes.box((0, 0), (1, 1), (10, 10)), disc())
+    edge = mesh.p[:, mesh.boundary_nodes()]
+    assert np.all(np.isclose(edge, 0.0) | np.isclose(edge, 1.0), axis=0).sum() == 4
+    assert np.all(np.any(np.isclose(edge, 0.0) | np.isclose(edge, 1.0), axis=0))

@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from needlefem.checks.energy import energy_drift
+from needlefem.dynamics import Damping, Newmark, TissueDynamics
+from needlefem.errors import CaseError, SimulationError
+from needlefem.fem.build import build_model
+from needlefem.insertion.dynamic import DynamicInsertion
+from needlefem.insertion.path import Path
+from needlefem.insertion.simulation import Simulation
+from needlefem.scene import Scene, vary
+
+CALM = Newmark(beta=0.3025, gamma=0.6)
+
+
+def test_one_mode_has_newmarks_period(gel: Scene) -> None:
+    """Average acceleration turns a mode by 2 atan(w dt / 2) a step (T. J. R. Hughes 2000)."""
+    from scipy.linalg import eigh
+
+    model = build_model(vary(gel, {"mesh.divisions": (4, 4)}))
+    squares, shapes = eigh(
+        model.free_block(model.stiffness).toarray(), model.free_block(model.mass).toarray()
+    )
+    shape, omega = shapes[:, 0], np.sqrt(squares[0])
+    dynamics = TissueDynamics(model, 0.3 / omega)
+    motion = dynamics.start(shape, np.zeros_like(shape))
+    for _ in range(50):
+        motion = dynamics.advance(motion, dynamics.free_motion(motion))
+    amplitude = float(shape @ (dynamics.mass @ motion.u))
+    assert amplitude == pytest.approx(np.cos(50 * 2.0 * np.arctan(0.15)), abs=1e-8)
+
+
+def test_rayleigh_damping_slows_down(gel: Scene) -> None:
+    model = build_model(vary(gel, {"mesh.divisions": (4, 4)}))
+    rest = np.random.default_rng(1).normal(size=len(model.free_dofs))
+    energies = []
+    for damping in (Damping(), Damping(mass_rate=10.0, stiffness_time=1e-3)):
+        dynamics = TissueDynamics(model, 1e-3, damping=damping)
+        motion = dynamics.start(rest, np.zeros_like(rest))
+        start = dynamics.energy(motion)
+        for _ in range(100):
+            motion = dynamics.advance(motion, dynamics.free_motion(motion))
+        energies.append(dynamics.energy(motion) / start)
+    assert energies[0] == pytest.approx(1.0, abs=1e-10)
+    assert energies[1] < 0.5
+
+
+def test_a_constant_force_ends_in_static_equilibrium(gel: Scene) -> None:
+    model = build_model(vary(gel, {"mesh.divisions": (4, 4)}))
+    force = np.random.default_rng(1).normal(size=len(model.free_dofs))
+    dynamics = TissueDynamics(model, 0.1, CALM, Damping(mass_rate=50.0))
+    motion = dynamics.at_rest()
+    for _ in range(400):
+        motion = dynamics.advance(motion, dynamics.free_motion(motion, force))
+    assert motion.u == pytest.approx(model.factor.solve(force), rel=1e-6, abs=1e-12)
+
+
+def test_lumped_mass_keeps_energy_too(gel: Scene) -> None:
+    model = build_model(vary(gel, {"mesh.divisions": (4, 4)}))
+    assert energy_drift(model, 1e-3, 200) < 1e-11
+    lumped = TissueDynamics(model, 1e-3, lumping="row-sum")
+    assert lumped.mass.nnz == len(model.free_dofs)
+
+
+def test_unstable_parameters_are_refused() -> None:
+    with pytest.raises(CaseError, match="keep 2 beta >= gamma >= 1/2"):
+        Newmark(beta=0.0, gamma=0.5)
+
+
+def test_tissue_without_mass_is_refused(gel: Scene) -> None:
+    model = build_model(vary(gel, {"materials.gel.density": 0.0}))
+    with pytest.raises(CaseError, match="without density has no dynamics"):
+        TissueDynamics(model, 1e-3)
+
+
+def test_slow_insertion_approaches_the_march(organ: Scene) -> None:
+    fine = vary(organ, {"discretisation.path_spacing": 2.5e-4})
+    simulation = Simulation(fine)
+    entry = simulation.entry_of_case()
+    path = Path(simulation.insert(entry, lambda state: state.depth > 0.02))
+    apart = []
+    for speed in (0.05, 0.005, 0.0005):
+        dynamics = TissueDynamics(
+            simulation.model, 1e-4 / speed, CALM, Damping(mass_rate=5.0, stiffness_time=2e-3)
+        )
+        moving = DynamicInsertion(simulation.instrument(entry), dynamics, speed)
+        last = list(moving.iterate(0.015))[-1]
+        apart.append(np.linalg.norm(last.tip - path.at_depth(last.depth).point))
+    assert apart[0] > apart[1] > apart[2]
+    assert apart[2] < 1e-5
+
+
+def test_tip_that_would_have_to_stop_is_refused(popping: Scene) -> None:
+    simulation = Simulation(popping)
+    dynamics = TissueDynamics(simulation.model, 0.02)
+    moving = DynamicInsertion(simulation.instrument(simulation.entry_of_case()), dynamics, 0.05)
+    with pytest.raises(SimulationError, match="tip"):
+        list(moving.iterate(0.03))

@@ -1,0 +1,104 @@
+import numpy as np
+import pytest
+
+from needlefem.errors import CaseError, CheckFailedError
+from needlefem.insertion.simulation import Simulation
+from needlefem.planning.plan import checked, plan
+from needlefem.planning.planner import Planner
+from needlefem.planning.result import PlanStatus
+from needlefem.planning.studies.common import carry_out
+from needlefem.scene import Scene, vary
+
+
+def test_plan_hits_and_carrying_it_out_hits_again(organ: Scene) -> None:
+    found = plan(organ)
+    assert found.status is PlanStatus.PLANNED
+    assert found.best.placement_error <= 1e-8
+    assert found.insertions <= 7
+    again = carry_out(organ, found)
+    assert again.point == pytest.approx(organ.target, abs=2e-8)
+
+
+def test_plan_comes_with_its_evidence(organ: Scene) -> None:
+    evidence = plan(organ).evidence
+    assert all(check.passed for check in evidence.preflight)
+    assert evidence.ledger.residual < 1e-10
+    assert evidence.validity.folded_cells == 0
+    assert set(evidence.timings) == {"model", "preflight", "search", "evidence"}
+    assert "dynamics" in evidence.skipped
+
+
+def test_unplanned_falls_short_and_depth_alone_misses_sideways(organ: Scene) -> None:
+    found = plan(organ)
+    target = np.array(organ.target)
+    assert found.unplanned.release_point == pytest.approx(target)
+    assert found.unplanned.placed_at[1] < target[1]
+    assert (
+        found.best.placement_error
+        < found.depth_only.placement_error
+        < found.unplanned.placement_error
+    )
+    assert found.depth_only.release_point[0] == pytest.approx(target[0])
+
+
+def test_searches_agree(organ: Scene) -> None:
+    planner = Planner(Simulation(organ), np.array(organ.target))
+    by_root = planner.plan("root")
+    by_golden, by_grid = planner.plan("golden"), planner.plan("grid")
+    assert by_golden.best.release_point == pytest.approx(by_root.best.release_point, abs=1e-4)
+    assert by_grid.best.release_point == pytest.approx(by_root.best.release_point, abs=1e-4)
+    assert by_golden.insertions > by_root.insertions
+
+
+def test_other_solutions_are_looked_for_on_request(organ: Scene) -> None:
+    found = plan(organ, all_solutions=True)
+    assert found.other_solutions == ()
+    assert found.scan_insertions > 0
+    assert plan(organ).other_solutions is None
+
+
+def test_target_out_of_the_range_is_said(organ: Scene) -> None:
+    found = plan(vary(organ, {"planning.height_range": (5e-4, 2e-3)}))
+    assert found.status is PlanStatus.OUTSIDE_RANGE
+    assert "no height between +0.05 and +0.2 cm of the target's height hits" in found.sentence
+
+
+def test_target_out_of_reach_is_said(organ: Scene) -> None:
+    found = plan(vary(organ, {"motion.max_depth": 0.01}))
+    assert found.status is PlanStatus.UNREACHABLE
+    assert "does not come level with the target: reached" in found.sentence
+    assert found.best.placement_error > 1e-3
+
+
+def test_target_before_puncture_is_said(organ: Scene) -> None:
+    found = plan(vary(organ, {"motion.max_depth": 1e-4}))
+    assert found.status is PlanStatus.UNREACHABLE
+    assert "the skin is cut at" in found.sentence
+    assert found.best is None
+
+
+def test_target_outside_the_tissue_is_refused(organ: Scene) -> None:
+    with pytest.raises(CaseError, match=r"target.point: \(2, 7\) cm is outside the tissue"):
+        plan(vary(organ, {"target": (0.02, 0.07)}))
+    with pytest.raises(CaseError, match="give a target"):
+        plan(vary(organ, {"target": None}))
+
+
+def test_wrong_entry_is_refused_though_a_plan_chooses_its_own(organ: Scene) -> None:
+    with pytest.raises(CaseError, match="is not on the skin"):
+        plan(vary(organ, {"motion.entry": (0.02, 0.01)}))
+
+
+def test_nothing_is_planned_on_a_tissue_that_fails_a_check(organ: Scene) -> None:
+    simulation = Simulation(organ)
+    broken = simulation.model.stiffness.copy()
+    broken.data[100] *= 1.0 + 1e-6  # no longer symmetric, nor blind to rigid motion
+    simulation.model.__dict__["stiffness"] = broken
+    with pytest.raises(CheckFailedError, match="refused: check 'rigid motion' gives"):
+        checked(simulation)
+
+
+def test_oblique_needle(organ: Scene) -> None:
+    found = plan(vary(organ, {"motion.direction": (0.28, 0.96)}))
+    assert found.status is PlanStatus.PLANNED
+    assert found.best.placement_error <= 1e-8
