@@ -64,7 +64,7 @@ studies: install
 	$(BIN)/needlefem study smoothness $(PAPER)
 	$(BIN)/needlefem study smoothness $(RESOLVED)
 	$(BIN)/needlefem study independence $(RESOLVED)
-	$(BIN)/needlefem study stability $(PAPER)
+	$(BIN)/needlefem study stability $(RESOLVED)
 	$(BIN)/needlefem study convergence $(RESOLVED)
 
 calibrate: install

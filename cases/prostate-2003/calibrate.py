@@ -7,15 +7,18 @@ least squares, and keeps the fits that agree with all of them. Planned height, d
 mean error of twelve targets are not fitted: they are predictions. Only ratios to Young's
 modulus matter, so the gland's is fixed.
 
-Usage: python calibrate.py [--draws N] [--seed S] [--write]
+Usage: python calibrate.py [--draws N] [--seed S] [--write], or --report for what was written
 """
 
 import argparse
 import csv
 import dataclasses
+import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: the workers share the cores
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -61,7 +64,10 @@ def main() -> int:
     parser.add_argument("--draws", type=int, default=128, help="scenes to draw (a power of two)")
     parser.add_argument("--seed", type=int, default=2003)
     parser.add_argument("--write", action="store_true", help="write calibrations.csv beside this")
+    parser.add_argument("--report", action="store_true", help="only report calibrations.csv")
     options = parser.parse_args()
+    if options.report:
+        return report(read(HERE / "calibrations.csv"))
     with ProcessPoolExecutor() as executor:
         rows = list(executor.map(fit, draw(options.draws, options.seed)))
     rows = sorted((row for row in rows if row), key=lambda row: row["misfit"])
@@ -179,6 +185,12 @@ def write(rows: list[dict[str, float]], path: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(COLUMNS)
         writer.writerows([[f"{row[c]:.6g}" if c in row else "" for c in COLUMNS] for row in rows])
+
+
+def read(path: Path) -> list[dict[str, float]]:
+    """Read fits as written, best first."""
+    with path.open(encoding="utf-8") as file:
+        return [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
 
 
 def report(rows: list[dict[str, float]]) -> int:

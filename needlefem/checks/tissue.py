@@ -42,13 +42,17 @@ def patch_error(mesh: SkfemMesh, element: ElementRow, material: Material) -> flo
 
 
 def patch(mesh: SkfemMesh, element: ElementRow, poissons_ratio: float) -> CheckResult:
-    """Check the patch test with a uniform material."""
+    """Check the patch test with a uniform material.
+
+    The bound leaves room for the round-off of large and stretched meshes; a wrong element
+    misses by a thousandth and more.
+    """
     material = Isotropic(youngs_modulus=1e4, poissons_ratio=poissons_ratio)
     return CheckResult(
         name="patch",
         requirement="a constant strain is met exactly, whatever the mesh",
         value=patch_error(mesh, element, material),
-        bound=1e-12 if poissons_ratio <= 0.49 else 1e-11,
+        bound=1e-9,
     )
 
 

@@ -20,7 +20,7 @@ from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel
 from needlefem.resolve import Resolved, resolve
 from needlefem.scene import Scene
 
-MOST_SHARED_UNKNOWNS = 40_000
+MOST_SHARED_UNKNOWNS = 10_000
 """Above, the needle's corridor has so many nodes that one solve a load is cheaper."""
 
 Stop = Callable[[State], bool]

@@ -44,7 +44,12 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
     radius = scene.needle.tip_radius
     background = scene.materials[scene.background].youngs_modulus
     stiff = next(region.material for region in scene.regions.values())
-    found: dict[str, dict[str, Any]] = {"as it is": {}}
+    found: dict[str, dict[str, Any]] = {
+        "as it is": {},
+        "linear elements": {"discretisation.element": "P1"},
+        "contour not fitted": {"mesh.interfaces": "centroid"},
+        "point tip": {"needle.tip": "point"},
+    }
     for ratio in (0.3, 0.4, 0.45, 0.49):
         names = [f"materials.{name}.poissons_ratio" for name in scene.materials]
         found[f"Poisson's ratio {ratio}"] = dict.fromkeys(names, ratio)
@@ -52,7 +57,7 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
         found[f"contrast {contrast:g}"] = {
             f"materials.{stiff}.youngs_modulus": contrast * background
         }
-    for factor in (2.0, 1.0, 0.5):
+    for factor in (4.0, 2.0, 1.0):
         found[f"elements {factor:g} tip radii"] = {"mesh.refine.corridor_size": factor * radius}
     for factor in (1.0, 0.25, 0.05):
         found[f"path spacing {factor:g} tip radii"] = {
@@ -71,19 +76,20 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
 
 
 def fine(scene: Scene) -> Scene:
-    """Return the same physics on a discretisation that resolves the needle."""
+    """Return the same physics on a discretisation that resolves the needle twice as well."""
     radius = scene.needle.tip_radius
     return vary(
         scene,
         {
             "discretisation.element": "P2",
             "discretisation.path_spacing": 8e-4,
-            "needle.lateral_stiffness": 1e9,
-            "mesh.divisions": (16, 16),
+            "needle.lateral_stiffness": 1e10,
+            "needle.tip": "disc",
+            "mesh.divisions": (9, 9),
             "mesh.interfaces": "fitted",
-            "mesh.refine.corridor_size": 0.5 * radius,
+            "mesh.refine.corridor_size": 0.25 * radius,
             "mesh.refine.corridor_width": 8e-3,
-            "mesh.refine.contour_size": radius,
+            "mesh.refine.contour_size": 0.5 * radius,
         },
     )
 
