@@ -46,7 +46,7 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
         reasons["element"] = "P2: the cheapest element that does not lock below nu = 0.49"
         chosen = dataclasses.replace(chosen, element="P2")
     element_row(chosen.element)
-    if chosen.kernel_points == 0 and scene.needle.tip == "disc":
+    if chosen.kernel_points == 0:
         spacing = tip_element_size(scene) / 3.0
         wanted = math.pi * (scene.needle.tip_radius / spacing) ** scene.dim
         points = max(FEWEST_KERNEL_POINTS, min(MOST_KERNEL_POINTS, math.ceil(wanted)))

@@ -117,7 +117,7 @@ class Needle:
         low=0.0,
     )
     tip: str = knob(
-        "Spread over the disc, or a point force that never converges",
+        "As thick as its radius, or a needle without thickness, which never converges",
         default="disc",
         choices=("disc", "point"),
     )

@@ -142,4 +142,5 @@ class Insertion:
     @property
     def puncture_depth(self) -> float | None:
         """Depth at which the skin was cut, m, or None."""
-        return float(self.depths[1]) if len(self.states) > 2 else None
+        pressed = self.states[1]
+        return pressed.depth if pressed.tip_force >= pressed.cutting_force else None

@@ -16,7 +16,7 @@ from needlefem.insertion.march import March
 from needlefem.insertion.result import Insertion, State
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
-from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel
+from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
 from needlefem.resolve import Resolved, resolve
 from needlefem.scene import Scene
 
@@ -117,15 +117,18 @@ class Simulation:
     def instrument(self, entry: Entry) -> Instrument:
         """Return the needle on the line that starts at an entry."""
         needle, numbers = self.scene.needle, self.scene.discretisation
-        kernel: Kernel = PointKernel(self.model.dim - 1)
-        if needle.tip == "disc":
-            kernel = DiscKernel(needle.tip_radius, numbers.kernel_points, entry.point, entry.inward)
+        radius, points = needle.tip_radius, numbers.kernel_points
+        kernel: Kernel = DiscKernel(radius, points, entry.point, entry.inward)
+        section = cross_section(radius, points, self.model.dim)
+        if needle.tip == "point":
+            kernel, section = PointKernel(), cross_section(0.0, 1, self.model.dim)
         return Instrument(
             axis=Axis(entry.point, self.direction),
             kernel=kernel,
             interpolation=self.model.interpolation,
             cutting_force=self.cutting_force,
             shaft_friction=self.shaft_friction,
+            section=section,
             lateral_stiffness=needle.lateral_stiffness,
             spacing=numbers.path_spacing,
         )

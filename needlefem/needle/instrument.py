@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem.arrays import Floats, Points, Vector
 from needlefem.fem.interpolation import Interpolation, Weights
 from needlefem.needle.axis import Axis
 from needlefem.needle.kernel import Kernel
@@ -30,6 +30,8 @@ class Instrument:
         Nodal field of the axial force at which the tip cuts.
     shaft_friction : array, shape (nnodes,), N/m (Pa in 2D)
         Nodal field of the friction limit per length of cut path.
+    section : (array, array)
+        Offsets (n, dim - 1), m, and weights (n,) of a rule over the shaft's cross-section.
     lateral_stiffness : float, Pa (N/m^3 in 2D)
         Of the hold on the axis per length of cut path.
     spacing : float, m
@@ -41,6 +43,7 @@ class Instrument:
     interpolation: Interpolation
     cutting_force: Floats
     shaft_friction: Floats
+    section: tuple[Points, Floats]
     lateral_stiffness: float
     spacing: float
 
@@ -48,7 +51,7 @@ class Instrument:
     def _piece_rule(self) -> tuple[Floats, Floats, Floats]:
         """Shares of the piece's length, offsets across it (m), and weights, point by point."""
         nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
-        across, across_weights = self.kernel.cross_section()
+        across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
         offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))
         return share, offsets, np.outer(weights, across_weights).ravel()

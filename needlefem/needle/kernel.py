@@ -19,33 +19,13 @@ class Kernel(Protocol):
         """Return points, shape (n, dim), and weights, shape (n,), that sum to 1."""
         ...
 
-    def cross_section(self) -> tuple[Points, Floats]:
-        """Return a rule over the shaft's cross-section; weights sum to 1.
-
-        Offsets along the needle's lateral directions, shape (n, dim - 1), m, and weights (n,).
-        """
-        ...
-
 
 class PointKernel:
-    """A point force. It never converges under refinement and is kept to show just that.
-
-    Parameters
-    ----------
-    laterals : int
-        Number of lateral directions.
-    """
-
-    def __init__(self, laterals: int) -> None:
-        self._laterals = laterals
+    """A point force. It never converges under refinement and is kept to show just that."""
 
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
         return centre[None], np.ones(1)
-
-    def cross_section(self) -> tuple[Points, Floats]:
-        """See `Kernel`: the shaft is a line."""
-        return np.zeros((1, self._laterals)), np.ones(1)
 
 
 class DiscKernel:
@@ -69,8 +49,7 @@ class DiscKernel:
     def __init__(self, radius: float, points: int, skin: Vector, inward: Vector) -> None:
         self.radius, self._skin, self._inward = radius, skin, inward
         dim = len(inward)
-        along = max(2, round((1.5 ** (dim - 1) * points) ** (1.0 / dim)))
-        across = max(1, round((points / along) ** (1.0 / (dim - 1))))
+        along, across = _split(points, dim)
         nodes, self._along_weights = np.polynomial.legendre.leggauss(along)
         self._angle = 0.5 * np.pi * nodes
         self._across, self._across_weights = _unit_ball_rule(dim - 1, across)
@@ -90,9 +69,30 @@ class DiscKernel:
         weights = (slab[:, None] * self._across_weights).ravel()
         return points.reshape(-1, len(centre)), weights / weights.sum()
 
-    def cross_section(self) -> tuple[Points, Floats]:
-        """See `Kernel`: uniform over a shaft as thick as the tip."""
-        return self.radius * self._across, self._across_weights / self._across_weights.sum()
+
+def cross_section(radius: float, points: int, dim: int) -> tuple[Points, Floats]:
+    """Return a rule over a shaft's cross-section, uniform; weights sum to 1.
+
+    Parameters
+    ----------
+    radius : float, m
+    points : int
+        Points of the tip's kernel; the section is resolved as the kernel is.
+    dim : int
+        Dimensions of the space.
+
+    Returns
+    -------
+    Offsets along the needle's lateral directions, shape (n, dim - 1), m, and weights, shape (n,).
+    """
+    offsets, weights = _unit_ball_rule(dim - 1, _split(points, dim)[1])
+    return radius * offsets, weights / weights.sum()
+
+
+def _split(points: int, dim: int) -> tuple[int, int]:
+    """Return how many points go along the skin's normal, and how many across it."""
+    along = max(2, round((1.5 ** (dim - 1) * points) ** (1.0 / dim)))
+    return along, max(1, round((points / along) ** (1.0 / (dim - 1))))
 
 
 def _unit_ball_rule(dim: int, n: int) -> tuple[Points, Floats]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from needlefem.needle.axis import Axis
-from needlefem.needle.kernel import DiscKernel, PointKernel
+from needlefem.needle.kernel import DiscKernel, PointKernel, cross_section
 
 INWARD = np.array([0.0, 1.0])
 SKIN = np.array([0.2, 0.0])
@@ -63,13 +63,13 @@ def test_rule_turns_with_the_needle() -> None:
 
 
 def test_point_kernel_is_a_point() -> None:
-    points, weights = PointKernel(1).quadrature(SKIN)
+    points, weights = PointKernel().quadrature(SKIN)
     assert np.array_equal(points, SKIN[None])
     assert weights.tolist() == [1.0]
 
 
 def test_cross_sections_are_centred_and_uniform() -> None:
-    across, weights = DiscKernel(2.0, 48, SKIN, INWARD).cross_section()
+    across, weights = cross_section(2.0, 48, 2)
     assert weights.sum() == pytest.approx(1.0)
     assert weights @ across[:, 0] == pytest.approx(0.0, abs=1e-12)
     assert weights @ across[:, 0] ** 2 == pytest.approx(4.0 / 3.0)

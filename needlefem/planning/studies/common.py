@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from needlefem.errors import CaseError, NeedlefemError
+from needlefem.errors import CaseError
 from needlefem.insertion.path import Path, Reach
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
@@ -15,15 +15,6 @@ def planner_of(scene: Scene) -> Planner:
     if scene.target is None:
         raise CaseError("target.point", "missing", "the study needs a target")
     return Planner(Simulation(scene), np.array(scene.target))
-
-
-def plan_or_reason(scene: Scene) -> tuple[Plan | None, str]:
-    """Return a plan and its status, or None and the sentence that says why there is none."""
-    try:
-        plan = planner_of(scene).plan()
-    except NeedlefemError as error:
-        return None, str(error)
-    return plan, str(plan.status)
 
 
 def carry_out(scene: Scene, plan: Plan) -> Reach | None:

@@ -7,7 +7,9 @@ is unbounded.
 
 import numpy as np
 
-from needlefem.planning.studies.common import plan_or_reason
+from needlefem.arrays import Vector
+from needlefem.planning.result import PlanStatus
+from needlefem.planning.studies.common import planner_of
 from needlefem.scene import Scene, vary
 from needlefem.table import Table
 
@@ -26,7 +28,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def refinement(scene: Scene, tip: str, levels: int = LEVELS) -> Table:
     """Plan on meshes with elements of one tip radius, a half, a quarter, ... along the path."""
     rows: list[list[object]] = []
-    points: list[np.ndarray] = []
+    points: list[Vector] = []
     for level in range(levels):
         size = scene.needle.tip_radius / 2**level
         changes = {
@@ -35,15 +37,16 @@ def refinement(scene: Scene, tip: str, levels: int = LEVELS) -> Table:
             "needle.tip": tip,
             "discretisation.kernel_points": KERNEL_POINTS,
         }
-        plan, status = plan_or_reason(vary(scene, changes))
-        if plan is None or plan.best is None:
-            rows.append([1e3 * size, 0, "", "", "", status])
-            continue
-        points.append(plan.best.release_point)
-        move = float(np.linalg.norm(points[-1] - points[-2])) if len(points) > 1 else np.nan
-        dofs = plan.insertion.model.ndofs
-        height, depth = (100.0 * points[-1]).tolist()
-        rows.append([1e3 * size, dofs, height, depth, 100.0 * move, status])
+        plan = planner_of(vary(scene, changes)).plan()
+        cut = plan.level.puncture_depth
+        row: list[object] = [1e3 * size, plan.level.model.ndofs, _digits(cut)]
+        if plan.status is PlanStatus.PLANNED and plan.best is not None:
+            points.append(plan.best.release_point)
+            move = f"{100.0 * _move(points):.1e}" if len(points) > 1 else ""
+            row += [*map(_digits, points[-1]), move]
+        else:
+            row += [""] * (scene.dim + 1)
+        rows.append([*row, plan.status])
     moves = np.linalg.norm(np.diff(points, axis=0), axis=1)
     converges = len(moves) == levels - 1 and bool(
         moves[-1] <= LAST_MOVE and moves[-1] <= LAST_SHARE * moves[0]
@@ -53,11 +56,20 @@ def refinement(scene: Scene, tip: str, levels: int = LEVELS) -> Table:
         columns=(
             "elements (mm)",
             "dofs",
-            *(f"{a} (cm)" for a in scene.axes),
+            "skin cut at (cm)",
+            *(f"{axis} (cm)" for axis in scene.axes),
             "move (cm)",
             "status",
         ),
         rows=rows,
         passed=converges or tip == "point",
-        note="" if tip == "disc" else "a point tip is not expected to converge",
+        note="" if tip == "disc" else "a point tip drifts for ever, and soon finds no equilibrium",
     )
+
+
+def _move(points: list[Vector]) -> float:
+    return float(np.linalg.norm(points[-1] - points[-2]))
+
+
+def _digits(length: float | None) -> str:
+    return "never" if length is None else f"{100.0 * float(length):.5f}"

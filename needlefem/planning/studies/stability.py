@@ -16,6 +16,7 @@ from needlefem.insertion.path import Path
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.planning.studies.common import carry_out
+from needlefem.resolve import resolve
 from needlefem.scene import Scene, vary
 from needlefem.table import Table
 
@@ -100,7 +101,7 @@ def _planned(scene: Scene, name: str, changes: dict[str, Any]) -> list[Any]:
         found = plan(varied)
     except NeedlefemError as refusal:
         return [name, f"refused: {refusal}"[:60], "", "", 0, True]
-    warnings = 0 if found.evidence is None else len(found.evidence.warnings)
+    warnings = len(resolve(varied).warnings)  # of the discretisation, known beforehand
     ledger = None if found.evidence is None else found.evidence.ledger
     reach = carry_out(fine(varied), found)
     error = np.inf if reach is None else float(np.linalg.norm(reach.point - found.target))

@@ -1,0 +1,81 @@
+"""Three dimensions are a mesh and an element: nothing of the needle knows how many there are."""
+
+import numpy as np
+import pytest
+import skfem
+
+from needlefem.checks.tissue import preflight
+from needlefem.elements import ElementRow
+from needlefem.fem.mesh import BACKGROUND
+from needlefem.fem.model import Model
+from needlefem.fem.responses import SharedResponses
+from needlefem.insertion.ledger import ledger
+from needlefem.insertion.march import March
+from needlefem.insertion.result import Insertion, Status
+from needlefem.materials import Isotropic
+from needlefem.needle.axis import Axis
+from needlefem.needle.instrument import Instrument
+from needlefem.needle.kernel import DiscKernel, cross_section
+from needlefem.scene import Scene, Support
+
+TETRAHEDRON = ElementRow(
+    name="T1",
+    cell="tetrahedron",
+    make=skfem.ElementTetP1,
+    degree=1,
+    stiffness_order=0,
+    mass_order=2,
+    lumpings=("row-sum",),
+    poissons_ratio_limit=0.45,
+)
+
+
+@pytest.fixture
+def block() -> Model:
+    ticks = np.linspace(0.0, 0.04, 9)
+    mesh = skfem.MeshTet.init_tensor(ticks, ticks, ticks)
+    middles = mesh.p[:, mesh.t].mean(axis=1)
+    stiff = (middles[0] > 0.024) & (middles[2] > 0.01)
+    mesh = mesh.with_subdomains(
+        {BACKGROUND: np.flatnonzero(~stiff), "stiff": np.flatnonzero(stiff)}
+    )
+    mesh = mesh.with_boundaries({"far": lambda x: x[2] > 0.04 - 1e-9})
+    materials = {
+        BACKGROUND: Isotropic(youngs_modulus=20e3, poissons_ratio=0.4),
+        "stiff": Isotropic(youngs_modulus=80e3, poissons_ratio=0.4),
+    }
+    return Model(mesh, TETRAHEDRON, materials, {"far": Support(faces=("far",))}, ("x", "y", "z"))
+
+
+def push(model: Model, direction: np.ndarray, scene: Scene) -> Insertion:
+    entry, inward = np.array([0.0205, 0.0192, 0.0]), np.array([0.0, 0.0, 1.0])
+    instrument = Instrument(
+        axis=Axis(entry, direction / np.linalg.norm(direction)),
+        kernel=DiscKernel(3e-3, 200, entry, inward),
+        interpolation=model.interpolation,
+        cutting_force=np.full(model.nnodes, 0.2),
+        shaft_friction=np.full(model.nnodes, 10.0),
+        section=cross_section(3e-3, 60, 3),
+        lateral_stiffness=1e6,
+        spacing=2e-3,
+    )
+    march = March(instrument, SharedResponses(model), 0.025)
+    assert len(list(march.iterate())) > 8
+    return march.result(scene, model)
+
+
+@pytest.mark.parametrize("direction", [[0.0, 0.0, 1.0], [0.1, -0.2, 1.0]])
+def test_march_in_a_block_of_tetrahedra(block: Model, gel: Scene, direction: list[float]) -> None:
+    insertion = push(block, np.array(direction), gel)
+    assert insertion.outcome.status is Status.COMPLETED
+    last = insertion.states[-1]
+    length = np.linalg.norm(np.diff(insertion.tips, axis=0), axis=1).sum()
+    assert last.force == pytest.approx(0.2 + 10.0 * length)
+    assert last.lateral.shape == (len(insertion.pieces), 2)
+    energies = ledger(insertion)
+    assert energies.identity < 1e-12
+    assert energies.residual < 1e-12
+
+
+def test_checks_hold_in_three_dimensions(block: Model) -> None:
+    assert [check.name for check in preflight(block) if not check.passed] == []
