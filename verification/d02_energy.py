@@ -2,12 +2,10 @@
 
 from needlefem.checks.energy import energy_drift
 from needlefem.checks.modal import eigenfrequencies
+from needlefem.checks.models import rectangle
 from needlefem.checks.problem import Answer, Problem
 from needlefem.elements import CATALOGUE
-from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
-from needlefem.fem.model import Model
 from needlefem.materials import Isotropic
-from needlefem.scene import Support
 
 STEPS = 100_000
 
@@ -16,10 +14,8 @@ def run() -> list[Answer]:
     """Let a held square vibrate for 1e5 steps of a twentieth of its longest period."""
     answers = []
     for name, element in CATALOGUE.items():
-        mesh = name_faces(name_regions(box((0.0, 0.0), (1.0, 1.0), (4, 4)), {}), ("y", "z"))
         material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
-        supports = {"one side": Support(faces=("y_min",))}
-        model = Model(mesh, element, {BACKGROUND: material}, supports, ("y", "z"))
+        model = rectangle(element, material, 4)
         period = 6.283185307179586 / eigenfrequencies(model, 1)[0]
         drift = energy_drift(model, period / 20.0, STEPS)
         label = f"{name}: largest drift over {STEPS} steps"

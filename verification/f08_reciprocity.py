@@ -2,11 +2,10 @@
 
 import numpy as np
 
+from needlefem.checks.models import rectangle
 from needlefem.checks.problem import Answer, Problem
 from needlefem.checks.tissue import reciprocity
 from needlefem.elements import CATALOGUE
-from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
-from needlefem.fem.model import Model
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic
 from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Support
@@ -41,10 +40,7 @@ def run() -> list[Answer]:
     answers = []
     for name, element in CATALOGUE.items():
         for ratio in (0.3, 0.4999):
-            mesh = name_faces(name_regions(box((0.0, 0.0), (1.0, 1.0), (12, 12)), {}), ("y", "z"))
-            material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
-            supports = {"one side": Support(faces=("y_min",))}
-            model = Model(mesh, element, {BACKGROUND: material}, supports, ("y", "z"))
+            model = rectangle(element, Isotropic(youngs_modulus=1.0, poissons_ratio=ratio), 12)
             label = f"{name}, nu {ratio}: responses apart"
             value = reciprocity(model).value
             answers.append(Answer(label=label, value=value, tolerance=1e-9, recorded=False))

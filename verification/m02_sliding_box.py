@@ -3,10 +3,9 @@
 import numpy as np
 
 from needlefem.checks.modal import eigenfrequencies
+from needlefem.checks.models import rectangle
 from needlefem.checks.problem import Answer, Problem
 from needlefem.elements import CATALOGUE
-from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
-from needlefem.fem.model import Model
 from needlefem.materials import Isotropic
 from needlefem.scene import Support
 
@@ -26,14 +25,12 @@ def run() -> list[Answer]:
     """Compare the six lowest frequencies on 16 x 16 squares."""
     answers = []
     for name, element in CATALOGUE.items():
-        mesh = box((0.0, 0.0), (1.5, 1.0), (16, 16))
-        mesh = name_faces(name_regions(mesh, {}), ("y", "z"))
         material = Isotropic(youngs_modulus=2.0 * (1.0 + RATIO), poissons_ratio=RATIO, density=1.0)
         supports = {
             "across": Support(faces=("y_min", "y_max"), fixed=("y",)),
             "along": Support(faces=("z_min", "z_max"), fixed=("z",)),
         }
-        model = Model(mesh, element, {BACKGROUND: material}, supports, ("y", "z"))
+        model = rectangle(element, material, 16, (1.5, 1.0), supports)
         found = eigenfrequencies(model, len(MODES))
         for mode, value in zip(MODES, found, strict=True):
             answers.append(

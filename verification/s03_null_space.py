@@ -1,22 +1,18 @@
 """S3: an unsupported tissue has exactly three motions that cost nothing."""
 
+from needlefem.checks.models import rectangle
 from needlefem.checks.problem import Answer, Problem
 from needlefem.checks.tissue import rigid_motion, zero_modes
 from needlefem.elements import CATALOGUE
-from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
-from needlefem.fem.model import Model
 from needlefem.materials import Isotropic
-from needlefem.scene import Support
 
 
 def run() -> list[Answer]:
     """Count zero eigenvalues of K, and measure the force that rigid motions cost."""
     answers = []
     for name, element in CATALOGUE.items():
-        mesh = name_faces(name_regions(box((0.0, 0.0), (1.0, 1.0), (4, 4)), {}), ("y", "z"))
         material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
-        supports = {"one side": Support(faces=("y_min",))}  # K itself knows of none
-        model = Model(mesh, element, {BACKGROUND: material}, supports, ("y", "z"))
+        model = rectangle(element, material, 4)  # K itself knows of no supports
         modes = Answer(
             label=f"{name}: zero modes", value=zero_modes(model), reference=3.0, tolerance=0.0
         )

@@ -1,6 +1,6 @@
 """A scene made ready for insertions: tissue, responses, and the needle on any line."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -67,20 +67,18 @@ class Simulation:
     @cached_property
     def cutting_force(self) -> Floats:
         """Nodal field of the cutting force, shape (nnodes,), N (N/m in 2D)."""
-        values = {BACKGROUND: self.scene.needle.cutting_force}
-        for name, region in self.scene.regions.items():
-            own = region.cutting_force
-            values[name] = self.scene.needle.cutting_force if own is None else own
-        return self.model.per_node(values)
+        own = {name: region.cutting_force for name, region in self.scene.regions.items()}
+        return self._by_region(self.scene.needle.cutting_force, own)
 
     @cached_property
     def shaft_friction(self) -> Floats:
         """Nodal field of the friction limit, shape (nnodes,), N/m (Pa in 2D)."""
-        values = {BACKGROUND: self.scene.needle.shaft_friction}
-        for name, region in self.scene.regions.items():
-            own = region.shaft_friction
-            values[name] = self.scene.needle.shaft_friction if own is None else own
-        return self.model.per_node(values)
+        own = {name: region.shaft_friction for name, region in self.scene.regions.items()}
+        return self._by_region(self.scene.needle.shaft_friction, own)
+
+    def _by_region(self, common: float, own: Mapping[str, float | None]) -> Floats:
+        values = {name: common if value is None else value for name, value in own.items()}
+        return self.model.per_node({BACKGROUND: common} | values)
 
     def entry_through(self, point: Vector) -> Entry:
         """Return where a needle that aims at a point enters the skin.
