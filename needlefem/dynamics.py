@@ -78,15 +78,29 @@ class TissueDynamics:
             raise CaseError("materials", "a material without density has no dynamics", remedy)
         self.model, self.step = model, step
         self.newmark = newmark or Newmark()
-        damping = damping or Damping()
-        self.stiffness: Sparse = model.free_block(model.stiffness).tocsr()
-        self.mass: Sparse = _mass(model, lumping)
-        self.damping: Sparse = (
-            damping.mass_rate * self.mass + damping.stiffness_time * self.stiffness
-        ).tocsr()
+        whole = _mass(model, lumping)
+        self.damping = damping or Damping()
         beta, gamma, dt = self.newmark.beta, self.newmark.gamma, step
-        operator = self.stiffness + gamma / (beta * dt) * self.damping + self.mass / (beta * dt**2)
-        self.factor: Factor = factorise(operator)
+        drag = gamma / (beta * dt)
+        inertia = 1.0 / (beta * dt**2) + drag * self.damping.mass_rate
+        self.factor: Factor = model.stiffness.factor(
+            model.free_dofs, 1.0 + drag * self.damping.stiffness_time, inertia * whole
+        )
+        self.mass: Sparse = model.free_block(whole).tocsr()
+
+    def _drag(self, velocity: Floats) -> Floats:
+        """Return C v on the free dofs."""
+        found: Floats = self.damping.mass_rate * (self.mass @ velocity)
+        if self.damping.stiffness_time:
+            found = found + self.damping.stiffness_time * self.elastic_force(velocity)
+        return found
+
+    def elastic_force(self, u: Floats) -> Floats:
+        """Return K u on the free dofs, shape (nfree,), N (N/m in 2D)."""
+        whole = np.zeros(self.model.ndofs)
+        whole[self.model.free_dofs] = u
+        found: Floats = self.model.stiffness.force(whole)[self.model.free_dofs]
+        return found
 
     def at_rest(self) -> Motion:
         """Return the undeformed tissue at rest."""
@@ -95,7 +109,7 @@ class TissueDynamics:
 
     def start(self, u: Floats, v: Floats) -> Motion:
         """Return the motion that starts from a displacement and velocity without forces."""
-        a = factorise(self.mass).solve(-(self.stiffness @ u + self.damping @ v))
+        a = factorise(self.mass).solve(-(self.elastic_force(u) + self._drag(v)))
         return Motion(u.copy(), v.copy(), a)
 
     def free_motion(self, motion: Motion, force: Floats | None = None) -> Floats:
@@ -104,9 +118,9 @@ class TissueDynamics:
         u, v, a = motion.u, motion.v, motion.a
         inertia = u / (beta * dt**2) + v / (beta * dt) + (0.5 / beta - 1.0) * a
         rhs = self.mass @ inertia
-        if self.damping.nnz:
+        if self.damping != Damping():
             drag = gamma / (beta * dt) * u + (gamma / beta - 1.0) * v
-            rhs += self.damping @ (drag + dt * (0.5 * gamma / beta - 1.0) * a)
+            rhs += self._drag(drag + dt * (0.5 * gamma / beta - 1.0) * a)
         if force is not None:
             rhs += force
         return self.factor.solve(rhs)
@@ -121,13 +135,15 @@ class TissueDynamics:
 
     def energy(self, motion: Motion) -> float:
         """Return kinetic plus strain energy, J (J/m in 2D)."""
-        kinetic = motion.v @ (self.mass @ motion.v)
-        return 0.5 * float(kinetic + motion.u @ (self.stiffness @ motion.u))
+        kinetic = 0.5 * float(motion.v @ (self.mass @ motion.v))
+        whole = np.zeros((self.model.ndofs, 1))
+        whole[self.model.free_dofs, 0] = motion.u
+        return kinetic + float(self.model.stiffness.energy(whole)[0])
 
 
 def _mass(model: Model, lumping: str | None) -> Sparse:
     if lumping is None:
-        return model.free_block(model.mass).tocsr()
+        return model.mass
     from scipy.sparse import diags_array  # noqa: PLC0415  (only a lumped mass needs it)
 
-    return diags_array(model.lumped_mass(lumping)[model.free_dofs]).tocsr()
+    return diags_array(model.lumped_mass(lumping)).tocsr()

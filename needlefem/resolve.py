@@ -3,10 +3,12 @@
 import dataclasses
 import math
 
-from needlefem.elements import element_row
-from needlefem.scene import Discretisation, Scene
+from needlefem.elements import ElementRow, element_row
+from needlefem.materials import Material, split
+from needlefem.scene import BoxMesh, Discretisation, FileMesh, Scene, vary
 
-MARCH = "march"
+CHEAPEST = {"triangle": ("P2", "P2-P1"), "quadrilateral": ("Q2", "Q2-Q1")}
+"""The cheapest element that does not lock, below nu = 0.49 and above, by shape of the cells."""
 FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS = 48, 400
 
 
@@ -43,21 +45,66 @@ def resolve(scene: Scene) -> Resolved:
 def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
     chosen = scene.discretisation
     if chosen.element == "auto":
-        reasons["element"] = "P2: the cheapest element that does not lock below nu = 0.49"
-        chosen = dataclasses.replace(chosen, element="P2")
+        name, why = _element(scene)
+        reasons["element"] = f"{name}: {why}"
+        chosen = dataclasses.replace(chosen, element=name)
     element_row(chosen.element)
     if chosen.kernel_points == 0:
-        spacing = tip_element_size(scene) / 3.0
-        wanted = math.pi * (scene.needle.tip_radius / spacing) ** scene.dim
-        points = max(FEWEST_KERNEL_POINTS, min(MOST_KERNEL_POINTS, math.ceil(wanted)))
+        points = _kernel_points(scene)
         reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"
         chosen = dataclasses.replace(chosen, kernel_points=points)
     return chosen
 
 
-def tip_element_size(scene: Scene) -> float:
-    """Return the element size along the needle that the mesh is asked for, m."""
+def with_element(scene: Scene, name: str) -> Scene:
+    """Return the scene with another element; a box gets the cells that it lives on."""
+    changes: dict[str, object] = {"discretisation.element": name}
+    cell = element_row(name).cell
+    if isinstance(scene.mesh, BoxMesh) and cell != cell_shape(scene):
+        changes["mesh.pattern"] = "quadrilateral" if cell == "quadrilateral" else "diagonal"
+    return vary(scene, changes)
+
+
+def cell_shape(scene: Scene) -> str:
+    """Return the shape of the cells that the scene's mesh will have."""
+    if isinstance(scene.mesh, FileMesh):
+        return scene.mesh.cell
+    return "quadrilateral" if scene.mesh.pattern == "quadrilateral" else "triangle"
+
+
+def _ratio(scene: Scene, material: Material) -> float:
+    """Return the Poisson's ratio that says how nearly incompressible a law is to elements.
+
+    In plane stress the third direction gives way, and nothing locks.
+    """
+    return 0.0 if scene.plane == "stress" else split(material).poissons_ratio
+
+
+def _element(scene: Scene) -> tuple[str, str]:
+    """Return the cheapest element that does not lock in the scene, and why."""
+    plain, mixed = CHEAPEST[cell_shape(scene)]
+    worst = max(_ratio(scene, material) for material in scene.materials.values())
+    if worst > element_row(plain).poissons_ratio_limit:
+        return mixed, f"its pressure carries Poisson's ratios such as {worst:.6g} without locking"
+    return plain, "the cheapest element that does not lock below nu = 0.49"
+
+
+def _kernel_points(scene: Scene) -> int:
+    size = tip_element_size(scene)
+    if size is None:
+        return MOST_KERNEL_POINTS
+    wanted = math.pi * (3.0 * scene.needle.tip_radius / size) ** scene.dim
+    return max(FEWEST_KERNEL_POINTS, min(MOST_KERNEL_POINTS, math.ceil(wanted)))
+
+
+def tip_element_size(scene: Scene) -> float | None:
+    """Return the element size along the needle that the mesh is asked for, m.
+
+    None for a mesh from a file, which has the sizes that it has.
+    """
     mesh = scene.mesh
+    if isinstance(mesh, FileMesh):
+        return None
     squares = [length / n for length, n in zip(mesh.size, mesh.divisions, strict=True)]
     coarse = max(squares) / (math.sqrt(2.0) if mesh.pattern == "crossed" else 1.0)
     wanted = mesh.refine.corridor_size
@@ -77,29 +124,41 @@ def _skips() -> dict[str, str]:
 
 
 def _warnings(scene: Scene) -> list[str]:
-    found: list[str] = []
     row = element_row(scene.discretisation.element)
+    return [*_locking(scene, row), *_tip_warnings(scene), *_spacing_warnings(scene, row)]
+
+
+def _locking(scene: Scene, row: ElementRow) -> list[str]:
+    found = []
+    plain, mixed = CHEAPEST[cell_shape(scene)]
     for name, material in scene.materials.items():
-        if material.poissons_ratio > row.poissons_ratio_limit:
-            cure = (
-                "P2" if row.name == "P1" and material.poissons_ratio <= 0.49 else "a mixed element"
-            )
+        ratio = _ratio(scene, material)
+        if ratio > row.poissons_ratio_limit:
+            cure = plain if ratio <= element_row(plain).poissons_ratio_limit else mixed
             found.append(
-                f"{row.name} locks at Poisson's ratio {material.poissons_ratio:g} of '{name}': "
+                f"{row.name} locks at Poisson's ratio {ratio:.6g} of '{name}': "
                 f"the tissue is too stiff; use {cure}"
             )
-    radius = scene.needle.tip_radius
-    if scene.needle.tip == "point":
-        found.append("a point tip never converges: the answer drifts with every refinement")
-    elif tip_element_size(scene) > 0.55 * radius:
-        found.append(
-            f"elements along the needle ({tip_element_size(scene) * 1e3:.2g} mm) are larger than "
-            f"half the tip's radius ({radius * 1e3:.2g} mm): refine the corridor"
-        )
-    least = tip_element_size(scene) / row.degree
-    if scene.discretisation.path_spacing < 0.3 * least:
-        found.append(
-            f"the path spacing is below a third of the node distance ({least * 1e3:.2g} mm): "
-            "only the lateral stiffness keeps the shaft's forces from becoming noise"
-        )
     return found
+
+
+def _tip_warnings(scene: Scene) -> list[str]:
+    if scene.needle.tip == "point":
+        return ["a point tip never converges: the answer drifts with every refinement"]
+    radius, size = scene.needle.tip_radius, tip_element_size(scene)
+    if size is not None and size > 0.55 * radius:
+        return [
+            f"elements along the needle ({size * 1e3:.2g} mm) are larger than "
+            f"half the tip's radius ({radius * 1e3:.2g} mm): refine the corridor"
+        ]
+    return []
+
+
+def _spacing_warnings(scene: Scene, row: ElementRow) -> list[str]:
+    size = tip_element_size(scene)
+    if size is None or scene.discretisation.path_spacing >= 0.3 * size / row.degree:
+        return []
+    return [
+        f"the path spacing is below a third of the node distance ({size / row.degree * 1e3:.2g} "
+        "mm): only the lateral stiffness keeps the shaft's forces from becoming noise"
+    ]

@@ -11,7 +11,8 @@ PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
     ["arrays", "errors", "table"],
     ["units", "knobs"],
-    ["contour", "materials", "elements"],
+    ["contour", "foreign"],
+    ["materials", "elements"],
     ["scene"],
     ["resolve"],
     ["fem"],

@@ -7,7 +7,6 @@ from needlefem.casefile.load import load_case
 from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_mesh, build_model
-from needlefem.fem.factor import factorise
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
@@ -26,12 +25,11 @@ def run(case: str) -> Table:
     model = ready.model
     rhs = np.ones(len(model.free_dofs))
     entry = ready.entry_through(target)
-    matrix = model.free_block(model.stiffness).tocsc()
     stages = {
         "back-substitution": lambda: model.factor.solve(rhs),
         "mesh": lambda: build_mesh(ready.scene),
-        "tissue, stiffness": lambda: build_model(ready.scene, model.mesh).stiffness,
-        "factorisation": lambda: factorise(matrix),
+        "tissue, stiffness": lambda: build_model(ready.scene, model.mesh).stiffness.matrix,
+        "factorisation": lambda: model.stiffness.factor(model.free_dofs),
         "preflight": lambda: preflight(model),
         "insertion, responses known": lambda: ready.insert(entry),
         "plan, responses known": lambda: Planner(ready, target).plan(),

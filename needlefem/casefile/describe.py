@@ -9,6 +9,7 @@ from needlefem.materials import LAWS
 from needlefem.scene import (
     BoxMesh,
     Discretisation,
+    FileMesh,
     Motion,
     Needle,
     Outputs,
@@ -20,17 +21,18 @@ from needlefem.scene import (
 )
 
 TABLES: dict[str, type] = {
-    "mesh": BoxMesh,
-    "mesh.refine": Refinement,
-    "materials.NAME": LAWS["isotropic"],
-    "regions.NAME": Region,
-    "supports.NAME": Support,
-    "discretisation": Discretisation,
-    "needle": Needle,
-    "motion": Motion,
-    "planning": Planning,
-    "targets": TargetDraw,
-    "outputs": Outputs,
+    "`[mesh]`": BoxMesh,
+    "`[mesh.refine]`": Refinement,
+    "`[mesh]` with a `file`": FileMesh,
+    **{f'`[materials.NAME]` with `law = "{law}"`': cls for law, cls in LAWS.items()},
+    "`[regions.NAME]`": Region,
+    "`[supports.NAME]`": Support,
+    "`[discretisation]`": Discretisation,
+    "`[needle]`": Needle,
+    "`[motion]`": Motion,
+    "`[planning]`": Planning,
+    "`[targets]`": TargetDraw,
+    "`[outputs]`": Outputs,
 }
 
 
@@ -40,7 +42,7 @@ def describe() -> str:
     for name, cls in TABLES.items():
         rows = [row for field in dataclasses.fields(cls) if (row := _row(field)) is not None]
         head = ["| key | meaning | dimension | range | default |", "|---|---|---|---|---|"]
-        parts.append("\n".join([f"## `[{name}]`", "", *head, *rows]))
+        parts.append("\n".join([f"## {name}", "", *head, *rows]))
     return "\n\n".join(parts) + "\n"
 
 

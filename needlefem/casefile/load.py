@@ -90,7 +90,10 @@ def read_scene(data: Table, folder: Path) -> Scene:
         raise CaseError("axes", f"{list(axes)}", 'name two different axes, such as ["y", "z"]')
     reader = Reader(len(axes), folder)
     tissue = table(data, "tissue")
-    refuse_unknown(tissue, ("background",), "tissue")
+    refuse_unknown(tissue, ("background", "plane"), "tissue")
+    plane = str(tissue.get("plane", "strain"))
+    if plane not in ("strain", "stress"):
+        raise CaseError("tissue.plane", f"'{plane}' is not known", "write 'strain' or 'stress'")
     target = table(data, "target") if "target" in data else None
     if target is not None:
         refuse_unknown(target, ("point",), "target")
@@ -104,6 +107,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
         supports={
             n: reader.fill(Support, t, f"supports.{n}") for n, t in tables(data, "supports").items()
         },
+        plane=plane,
         discretisation=reader.fill(
             Discretisation, data.get("discretisation", {}), "discretisation"
         ),

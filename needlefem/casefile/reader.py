@@ -8,12 +8,16 @@ from typing import Any
 
 import numpy as np
 
+from needlefem.arrays import SkfemMesh
 from needlefem.casefile.contourfile import read_contour
 from needlefem.casefile.tables import Table, dotted, refuse_unknown, required
 from needlefem.errors import CaseError
+from needlefem.fem.mesh import group_cells, outline
+from needlefem.fem.meshfile import read_mesh
 from needlefem.knobs import Knob, check_ranges, knob_of
-from needlefem.materials import Isotropic, law_class
-from needlefem.scene import BoxMesh, Motion, Region
+from needlefem.materials import Material, law_class, split
+from needlefem.materials.tissues import tissue_table
+from needlefem.scene import BoxMesh, FileMesh, Motion, Region
 from needlefem.units import parse_quantity
 
 DIMENSIONS = {
@@ -31,6 +35,7 @@ class Reader:
 
     def __init__(self, dim: int, folder: Path) -> None:
         self.dim, self.folder = dim, folder
+        self._mesh: SkfemMesh | None = None
 
     def fill(self, cls: type, table: Any, prefix: str, **given: Any) -> Any:
         """Return an instance of `cls`; `given` fields are not looked for in the table."""
@@ -75,8 +80,14 @@ class Reader:
             raise CaseError(key, f"{raw!r} is not a point", remedy)
         return tuple(parse_quantity(item, "length", key) for item in raw)
 
-    def mesh(self, table: Table) -> BoxMesh:
-        """Read [mesh]."""
+    def mesh(self, table: Table) -> BoxMesh | FileMesh:
+        """Read [mesh]: a file, or a box."""
+        if "file" in table:
+            rest = {key: value for key, value in table.items() if key != "file"}
+            path = self.folder / str(table["file"])
+            from_file: FileMesh = self.fill(FileMesh, rest, "mesh", path=path)
+            self._mesh = read_mesh(path, from_file.unit)
+            return from_file
         found: BoxMesh = self.fill(BoxMesh, table, "mesh")
         for name in ("size", "divisions", *(("origin",) if found.origin else ())):
             if len(getattr(found, name)) != self.dim:
@@ -84,26 +95,38 @@ class Reader:
                 raise CaseError(f"mesh.{name}", problem, f"give {self.dim}, one for each axis")
         return found
 
-    def material(self, table: Table, name: str) -> Isotropic:
+    def material(self, table: Table, name: str) -> Material:
         """Read [materials.NAME]; the law's own fields decide which keys there are."""
         prefix = f"materials.{name}"
+        if "tissue" in table:
+            known = tissue_table(str(table["tissue"]), f"{prefix}.tissue")
+            table = {**known, **{key: value for key, value in table.items() if key != "tissue"}}
         law = str(table.get("law", "isotropic"))
         fields = {key: value for key, value in table.items() if key != "law"}
-        found: Isotropic = self.fill(law_class(law, f"{prefix}.law"), fields, prefix)
+        found: Material = self.fill(law_class(law, f"{prefix}.law"), fields, prefix)
+        try:
+            split(found)
+        except CaseError as error:
+            raise CaseError(prefix, error.problem, error.remedy) from None
         return found
 
     def region(self, table: Table, name: str) -> Region:
-        """Read [regions.NAME]: the contour's file, its offset, and the rest."""
+        """Read [regions.NAME]: a group of the mesh file, or a contour's file and offset."""
         prefix = f"regions.{name}"
         rest = {key: value for key, value in table.items() if key not in ("contour", "offset")}
+        if "group" in table and self._mesh is not None:
+            group = str(table["group"])
+            around = outline(self._mesh, group_cells(self._mesh, group, f"{prefix}.group"))
+            of_group: Region = self.fill(Region, rest, prefix, contour=around)
+            return of_group
         file = self.folder / str(required(table, "contour", prefix))
         contour = read_contour(file, f"{prefix}.contour")
         if "offset" in table:
             contour = contour.moved(np.array(self.point(table, "offset", prefix)))
         known = [f.name for f in dataclasses.fields(Region)] + ["offset"]
         refuse_unknown(table, known, prefix)
-        found: Region = self.fill(Region, rest, prefix, contour=contour)
-        return found
+        inside: Region = self.fill(Region, rest, prefix, contour=contour)
+        return inside
 
     def motion(self, table: Table) -> Motion:
         """Read [motion]; the direction is made a unit vector."""

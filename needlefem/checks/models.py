@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
+from needlefem.arrays import SkfemMesh
 from needlefem.elements import ElementRow
 from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
 from needlefem.fem.model import Model
@@ -11,6 +14,24 @@ from needlefem.scene import Support
 ONE_SIDE: Mapping[str, Support] = {"one side": Support(faces=("y_min",))}
 
 
+def square_mesh(
+    element: ElementRow, divisions: int, size: tuple[float, float] = (1.0, 1.0)
+) -> SkfemMesh:
+    """Return a rectangle at the origin of triangles or quadrilaterals, as the element needs."""
+    pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
+    return box((0.0, 0.0), size, (divisions, divisions), pattern)
+
+
+def distorted_mesh(element: ElementRow, divisions: int, share: float = 0.3) -> SkfemMesh:
+    """Return the unit square with inner vertices moved by up to `share` of a division."""
+    mesh = square_mesh(element, divisions)
+    inner = np.setdiff1d(np.arange(mesh.nvertices), mesh.boundary_nodes())
+    points = mesh.p.copy()
+    moves = np.random.default_rng(1).uniform(-1.0, 1.0, (2, len(inner)))
+    points[:, inner] += share / divisions * moves
+    return type(mesh)(points, mesh.t)
+
+
 def rectangle(
     element: ElementRow,
     material: Material,
@@ -18,7 +39,7 @@ def rectangle(
     size: tuple[float, float] = (1.0, 1.0),
     supports: Mapping[str, Support] = ONE_SIDE,
 ) -> Model:
-    """Return a uniform rectangle of triangles, `divisions` along every side."""
-    mesh = box((0.0, 0.0), size, (divisions, divisions))
+    """Return a uniform rectangle of the element's cells, `divisions` along every side."""
+    mesh = square_mesh(element, divisions, size)
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
     return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"))

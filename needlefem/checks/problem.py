@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from needlefem.errors import CaseError, nearest
+from needlefem.fem.statics import Solution
 
 RECORD_TOLERANCE = 1e-8
 """Relative change against the own record that counts as a change of the code."""
@@ -28,17 +29,23 @@ class Answer:
         Largest distance to the reference; relative, unless the reference is 0.
     recorded : bool
         Whether the number is kept as own record (round-off is not worth recording).
+    at_least : bool
+        The value must be no less than the reference: a failure that is expected, such as the
+        locking of an element.
     """
 
     label: str
     value: float
     reference: float = 0.0
-    tolerance: float
+    tolerance: float = 0.0
     recorded: bool = True
+    at_least: bool = False
 
     @property
     def distance(self) -> float:
-        """Distance to the reference, relative unless that is 0."""
+        """Distance to the reference, relative unless that is 0; none beyond an `at_least`."""
+        if self.at_least and self.value >= self.reference:
+            return 0.0
         apart = abs(self.value - self.reference)
         return apart / abs(self.reference) if self.reference else apart
 
@@ -46,6 +53,68 @@ class Answer:
     def passed(self) -> bool:
         """Whether the reference is met (NaN never is)."""
         return self.distance <= self.tolerance
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Curve:
+    """An error on finer and finer meshes.
+
+    Parameters
+    ----------
+    element : str
+    quantity : str
+        What is wrong by `errors`, such as "displacement, L2".
+    sizes : tuple of float
+        Element size, in any unit.
+    dofs : tuple of int
+        Unknowns solved for.
+    seconds : tuple of float
+        Of assembly and solution.
+    errors : tuple of float
+        Relative, positive.
+    order : float, optional
+        What theory says of ``error ~ size^order``.
+    """
+
+    element: str
+    quantity: str
+    sizes: tuple[float, ...]
+    dofs: tuple[int, ...]
+    seconds: tuple[float, ...]
+    errors: tuple[float, ...]
+    order: float | None = None
+
+    @property
+    def observed(self) -> float:
+        """Order of convergence between the two finest meshes."""
+        error, size = self.errors[-2] / self.errors[-1], self.sizes[-2] / self.sizes[-1]
+        return math.log(error) / math.log(size)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A deformed mesh worth looking at.
+
+    Parameters
+    ----------
+    title : str
+    solution : Solution
+    magnified : float
+        Factor on the displacement.
+    """
+
+    title: str
+    solution: Solution
+    magnified: float = 1.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Findings:
+    """What a problem's run found."""
+
+    answers: Sequence[Answer]
+    curves: Sequence[Curve] = ()
+    shapes: Sequence[Shape] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -62,14 +131,15 @@ class Problem:
     why : str
         Why the tolerance is what it is.
     run : callable
-        Returns the answers.
+        Takes whether to be quick (coarse meshes, seconds) and returns the findings. Answers of
+        a quick run are among those of a whole one, under the same labels.
     """
 
     name: str
     requirement: str
     reference: str
     why: str
-    run: Callable[[], Sequence[Answer]]
+    run: Callable[[bool], Findings]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -115,20 +185,31 @@ def _load(file: Path) -> Problem:
     return problem
 
 
-def run_problem(problem: Problem, records: Mapping[str, float]) -> list[Verdict]:
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Report:
+    """A problem, its findings and the verdicts on its answers."""
+
+    problem: Problem
+    findings: Findings
+    verdicts: Sequence[Verdict]
+    seconds: float
+
+
+def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool = False) -> Report:
     """Run a problem and judge every answer against reference and own record."""
     start = time.perf_counter()
-    answers = problem.run()
+    findings = problem.run(quick)
     seconds = time.perf_counter() - start
-    return [
+    verdicts = [
         Verdict(
             problem=problem.name,
             answer=answer,
             record=_same(answer, records.get(f"{problem.name}: {answer.label}")),
             seconds=seconds,
         )
-        for answer in answers
+        for answer in findings.answers
     ]
+    return Report(problem=problem, findings=findings, verdicts=verdicts, seconds=seconds)
 
 
 def _same(answer: Answer, record: float | None) -> bool | None:

@@ -88,6 +88,7 @@ def _verify(parser: argparse.ArgumentParser) -> None:
         "--problems", default="verification", metavar="DIR", help="folder of the problems"
     )
     parser.add_argument("--record", action="store_true", help="keep the answers as own record")
+    parser.add_argument("--quick", action="store_true", help="coarse meshes only, within a minute")
 
 
 def _study(parser: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ def main(options: argparse.Namespace) -> int:
     records = read_records(folder)
     verdicts: list[Verdict] = []
     for problem in load_problems(folder, options.names):
-        verdicts += run_problem(problem, records)
+        verdicts += run_problem(problem, records, quick=options.quick).verdicts
     if options.record:
         write_json(folder / "records.json", records | records_of(verdicts))
     table = _table(verdicts)

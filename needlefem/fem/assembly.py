@@ -1,41 +1,94 @@
-"""Stiffness and mass from scikit-fem's forms."""
+"""Matrices and loads from scikit-fem's forms."""
 
-import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from skfem import Basis, BilinearForm, ElementVector
-from skfem.helpers import dot
-from skfem.models.elasticity import linear_elasticity
+from skfem import Basis, BilinearForm, ElementVector, FacetBasis, LinearForm
+from skfem.helpers import div, dot
 
-from needlefem.arrays import Floats, SkfemMesh, Sparse
+from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
+from needlefem.elements.quadrature import Rule
 from needlefem.errors import CaseError
 
+Field = Callable[[Points], Floats]
+"""A vector field at points (n, dim), shape (n, dim)."""
 
-def displacement_basis(mesh: SkfemMesh, element: ElementRow, order: int) -> Basis:
-    """Return the vector-valued basis of the displacement, integrating degree `order` exactly.
 
-    Order 0 is one point in the middle of a simplex, which scikit-fem's own rules never are.
+def displacement_basis(mesh: SkfemMesh, element: ElementRow, rule: Rule) -> Basis:
+    """Return the vector-valued basis of the displacement with a quadrature rule."""
+    return Basis(mesh, ElementVector(element.make()), quadrature=rule())
+
+
+def fine_basis(mesh: SkfemMesh, element: ElementRow, order: int) -> Basis:
+    """Return the displacement's basis on a quadrature for any smooth field."""
+    return Basis(mesh, ElementVector(element.make()), intorder=order)
+
+
+def pressure_basis(mesh: SkfemMesh, element: ElementRow) -> Basis:
+    """Return the basis of a mixed element's pressure, on the quadrature of K."""
+    if element.pressure is None:
+        raise CaseError(f"element {element.name}", "has no pressure", "use a mixed element")
+    return Basis(mesh, element.pressure(), quadrature=element.stiffness_rule())
+
+
+def strain(gradient: Floats) -> list[Floats]:
+    """Return the Voigt strain of a gradient (dim, dim, ...) as a list of its components."""
+    g = gradient
+    if len(g) == 2:
+        return [g[0, 0], g[1, 1], g[0, 1] + g[1, 0]]
+    return [g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]]
+
+
+def stiffness(basis: Basis, law: Floats) -> Sparse:
+    """Return the stiffness of a law in Voigt's notation, shape (ndofs, ndofs), N/m (2D: N/m^2).
+
+    `law` has shape (n, n, ncells), Pa, with n = 3 in the plane and 6 in space.
     """
-    vector = ElementVector(element.make())
-    if order > 0:
-        return Basis(mesh, vector, intorder=order)
-    corners = mesh.dim() + 1
-    middle = np.full((mesh.dim(), 1), 1.0 / corners)
-    return Basis(mesh, vector, quadrature=(middle, np.array([1.0 / math.factorial(mesh.dim())])))
+    entries = [
+        (i, j, law[i, j][:, None])
+        for i in range(len(law))
+        for j in range(len(law))
+        if np.any(law[i, j])
+    ]
+
+    def form(u: Any, v: Any, _: object) -> Floats:
+        there, here = strain(u.grad), strain(v.grad)
+        total: Floats = sum(here[i] * (value * there[j]) for i, j, value in entries)
+        return total
+
+    return BilinearForm(form).assemble(basis)
 
 
-def stiffness(basis: Basis, lam: Floats, mu: Floats) -> Sparse:
-    """Return K, shape (ndofs, ndofs), N/m (per metre of thickness in 2D, plane strain).
+def volume_stiffness(basis: Basis, kappa: Floats) -> Sparse:
+    """Return the stiffness of ``kappa div u div v``; `kappa` has shape (ncells,), Pa."""
 
-    Parameters
-    ----------
-    basis : skfem.Basis
-        Basis of the displacement.
-    lam, mu : array, shape (ncells,)
-        Lame parameters of every cell, Pa.
-    """
-    return linear_elasticity(lam[:, None], mu[:, None]).assemble(basis)
+    def form(u: Any, v: Any, _: object) -> Floats:
+        value: Floats = kappa[:, None] * div(u) * div(v)
+        return value
+
+    return BilinearForm(form).assemble(basis)
+
+
+def coupling(basis: Basis, pressures: Basis) -> Sparse:
+    """Return B, shape (npressures, ndofs): the volume that a displacement gains."""
+
+    def form(u: Any, q: Any, _: object) -> Floats:
+        value: Floats = div(u) * q
+        return value
+
+    return BilinearForm(form).assemble(basis, pressures)
+
+
+def pressure_mass(pressures: Basis, compressibility: Floats) -> Sparse:
+    """Return C, shape (npressures, npressures); `compressibility` has shape (ncells,), 1/Pa."""
+
+    def form(p: Any, q: Any, _: object) -> Floats:
+        value: Floats = compressibility[:, None] * p * q
+        return value
+
+    return BilinearForm(form).assemble(pressures)
 
 
 def mass(basis: Basis, density: Floats) -> Sparse:
@@ -58,8 +111,8 @@ def lumped_mass(basis: Basis, density: Floats, scheme: str, element: ElementRow)
         The element doesn't admit the scheme: it would give zero or negative masses.
     """
     if scheme not in element.lumpings:
-        remedy = "use " + " or ".join(element.lumpings)
-        raise CaseError("lumping", f"'{scheme}' gives {element.name} zero masses", remedy)
+        remedy = "use " + " or ".join(element.lumpings or ("the consistent mass",))
+        raise CaseError("lumping", f"'{scheme}' is not admissible for {element.name}", remedy)
     if scheme == "row-sum":
         sums: Floats = np.asarray(mass(basis, density).sum(axis=1)).ravel()
         return sums
@@ -77,3 +130,44 @@ def _mass_form(density: Floats) -> BilinearForm:
         return value
 
     return BilinearForm(form)
+
+
+def body_load(basis: Basis, force: Field) -> Floats:
+    """Return the load of a force per volume (N/m^3) on all dofs, shape (ndofs,), N (N/m)."""
+
+    def form(v: Any, w: Any) -> Floats:
+        value: Floats = dot(_at(force, w.x), v)
+        return value
+
+    found: Floats = LinearForm(form).assemble(basis)
+    return found
+
+
+def traction_load(
+    mesh: SkfemMesh,
+    element: ElementRow,
+    facets: Ints,
+    traction: Callable[[Points, Points], Floats],
+    order: int = 8,
+) -> Floats:
+    """Return the load of a traction (Pa) on facets, shape (ndofs,), N (N/m).
+
+    `traction` takes points and outward unit normals, both (n, dim), and returns (n, dim).
+    """
+    basis = FacetBasis(mesh, ElementVector(element.make()), facets=facets, intorder=order)
+
+    def form(v: Any, w: Any) -> Floats:
+        dim, *shape = w.x.shape
+        normals = np.asarray(w.n).reshape(dim, -1).T
+        value = traction(w.x.reshape(dim, -1).T, normals)
+        work: Floats = dot(value.T.reshape(dim, *shape), v)
+        return work
+
+    found: Floats = LinearForm(form).assemble(basis)
+    return found
+
+
+def _at(field: Field, x: Floats) -> Floats:
+    dim, *shape = x.shape
+    values: Floats = field(x.reshape(dim, -1).T)
+    return values.T.reshape(-1, *shape)

@@ -1,6 +1,6 @@
 """From a scene to its discretised tissue."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,24 +10,64 @@ from needlefem.elements import element_row
 from needlefem.errors import CaseError
 from needlefem.fem import mesh as meshes
 from needlefem.fem.fit import fit_to_contour
+from needlefem.fem.meshfile import read_mesh
 from needlefem.fem.model import Model
-from needlefem.scene import Scene
+from needlefem.scene import BoxMesh, FileMesh, Scene
+
+QUADRILATERAL = "quadrilateral"
+THREE_OF_A_TRIANGLE = 6.0**0.5
+"""Size of a triangle over that of the three quadrilaterals which it is cut into."""
 
 
 def build_mesh(scene: Scene) -> SkfemMesh:
     """Return the scene's mesh: box, refined, fitted, with named regions and faces."""
     wanted = scene.mesh
+    if isinstance(wanted, FileMesh):
+        return _mesh_of_file(scene, wanted)
+    for name, region in scene.regions.items():
+        if region.group is not None:
+            remedy = "give a contour; groups belong to meshes from files"
+            raise CaseError(f"regions.{name}.group", "a box has no groups", remedy)
     origin = wanted.origin or (0.0,) * scene.dim
-    contours = {name: region.contour for name, region in scene.regions.items()}
+    contours = _contours(scene)
     _check_contours(contours, np.array(origin), np.array(wanted.size))
-    mesh = meshes.box(origin, wanted.size, wanted.divisions, wanted.pattern)
-    fields = _size_fields(scene, contours)
+    mesh = _box_cells(scene, wanted, origin, contours)
+    return meshes.name_faces(meshes.name_regions(mesh, contours), scene.axes)
+
+
+def _contours(scene: Scene) -> dict[str, Contour]:
+    return {n: r.contour for n, r in scene.regions.items() if r.group is None}
+
+
+def _box_cells(
+    scene: Scene, wanted: BoxMesh, origin: Sequence[float], contours: Mapping[str, Contour]
+) -> SkfemMesh:
+    fields = _size_fields(scene, wanted, contours)
+    fitted = wanted.interfaces == "fitted" and bool(contours)
+    split = wanted.pattern == QUADRILATERAL and (fitted or bool(fields))
+    pattern = "diagonal" if split else wanted.pattern
+    mesh = meshes.box(origin, wanted.size, wanted.divisions, pattern)
+    larger = THREE_OF_A_TRIANGLE if split else 1.0
     if fields:
-        mesh = meshes.refine(mesh, lambda x: np.min([field(x) for field in fields], axis=0))
-    if wanted.interfaces == "fitted":
+
+        def wanted_size(points: Points) -> Floats:
+            least: Floats = larger * np.min([field(points) for field in fields], axis=0)
+            return least
+
+        mesh = meshes.refine(mesh, wanted_size)
+    if fitted:
         for contour in contours.values():
             mesh = fit_to_contour(mesh, contour)
-    return meshes.name_faces(meshes.name_regions(mesh, contours), scene.axes)
+    return meshes.into_quadrilaterals(mesh) if split else mesh
+
+
+def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:
+    mesh = read_mesh(wanted.path, wanted.unit)
+    groups = {}
+    for name, region in scene.regions.items():
+        if region.group is not None:
+            groups[name] = meshes.group_cells(mesh, region.group, f"regions.{name}.group")
+    return meshes.name_regions(mesh, _contours(scene), groups)
 
 
 def _check_contours(contours: Mapping[str, Contour], low: Floats, size: Floats) -> None:
@@ -41,11 +81,13 @@ def _check_contours(contours: Mapping[str, Contour], low: Floats, size: Floats) 
             raise CaseError(key, f"the contour leaves the mesh at {point}", "move or enlarge one")
 
 
-def _size_fields(scene: Scene, contours: Mapping[str, Contour]) -> list[meshes.SizeField]:
-    refine = scene.mesh.refine
+def _size_fields(
+    scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
+) -> list[meshes.SizeField]:
+    refine = wanted.refine
     fields: list[meshes.SizeField] = []
     if refine.corridor_size > 0.0:
-        begin, end = _corridor(scene)
+        begin, end = _corridor(scene, wanted)
         fields.append(
             meshes.near_segment(begin, end, 0.5 * refine.corridor_width, refine.corridor_size)
         )
@@ -54,7 +96,7 @@ def _size_fields(scene: Scene, contours: Mapping[str, Contour]) -> list[meshes.S
     return fields
 
 
-def _corridor(scene: Scene) -> tuple[Points, Points]:
+def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:
     """Return the ends of the needle's line from the box's boundary to the corridor's depth."""
     direction = np.array(scene.motion.direction)
     point = scene.motion.entry or scene.target
@@ -62,13 +104,13 @@ def _corridor(scene: Scene) -> tuple[Points, Points]:
         remedy = "give motion.entry or target.point, or leave the corridor out"
         raise CaseError("mesh.refine.corridor_size", "there is no needle line to refine", remedy)
     through = np.array(point)
-    low = np.array(scene.mesh.origin or (0.0,) * scene.dim)
-    high = low + np.array(scene.mesh.size)
+    low = np.array(wanted.origin or (0.0,) * scene.dim)
+    high = low + np.array(wanted.size)
     with np.errstate(divide="ignore", invalid="ignore"):
         travel = np.where(direction > 0, (low - through) / direction, (high - through) / direction)
     travel = travel[direction != 0]
     begin = through + np.max(travel) * direction
-    depth = scene.mesh.refine.corridor_depth or scene.motion.max_depth
+    depth = wanted.refine.corridor_depth or scene.motion.max_depth
     return begin, begin + depth * direction
 
 
@@ -79,4 +121,4 @@ def build_model(scene: Scene, mesh: SkfemMesh | None = None) -> Model:
     used |= {name: region.material for name, region in scene.regions.items()}
     materials = {name: scene.materials[material] for name, material in used.items()}
     row = element_row(scene.discretisation.element)
-    return Model(mesh, row, materials, scene.supports, scene.axes)
+    return Model(mesh, row, materials, scene.supports, scene.axes, plane=scene.plane)

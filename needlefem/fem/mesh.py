@@ -1,13 +1,14 @@
-"""Meshes of the tissue: boxes of simplices, refined where asked, with named faces and regions."""
+"""Meshes of the tissue: boxes, refined where asked, with named faces and regions."""
 
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from skfem import MeshTri
+from skfem import MeshQuad, MeshTri
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.contour import Contour
 from needlefem.errors import CaseError
+from needlefem.fem.cellmap import cell_measures, is_simplicial
 
 BACKGROUND = "background"
 """Name of the subdomain outside all regions."""
@@ -22,13 +23,14 @@ def box(
     divisions: Sequence[int],
     pattern: str = "diagonal",
 ) -> SkfemMesh:
-    """Return a box of triangles: every square cut into two (diagonal) or four (crossed)."""
+    """Return a box of squares: cut into two (diagonal) or four (crossed) triangles, or whole."""
     ticks = [
         start + length * np.arange(n + 1) / n
         for start, length, n in zip(origin, size, divisions, strict=True)
     ]
-    mesh = MeshTri.init_tensor(*ticks)
-    return _crossed(ticks) if pattern == "crossed" else mesh
+    if pattern == "quadrilateral":
+        return MeshQuad.init_tensor(*ticks)
+    return _crossed(ticks) if pattern == "crossed" else MeshTri.init_tensor(*ticks)
 
 
 def _crossed(ticks: list[Floats]) -> SkfemMesh:
@@ -44,9 +46,28 @@ def _crossed(ticks: list[Floats]) -> SkfemMesh:
     return MeshTri(np.hstack([corners, centres]), np.hstack(cells).astype(np.int32))
 
 
+def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
+    """Return triangles cut into three quadrilaterals each, from the edges' middles to the centre.
+
+    So any refined or fitted mesh of triangles gives one of quadrilaterals. Regions and faces must
+    be named afterwards.
+    """
+    centroids = mesh.p[:, mesh.t].mean(axis=1)
+    middles = mesh.p[:, mesh.facets].mean(axis=1)
+    points = np.hstack([mesh.p, middles, centroids])
+    middle = mesh.nvertices + mesh.t2f  # edges 01, 12, 02
+    centre = mesh.nvertices + mesh.nfacets + np.arange(mesh.nelements)
+    corners = [(0, 0, 2), (1, 1, 0), (2, 2, 1)]  # corner, the edge after it, the edge before it
+    cells = [np.array([mesh.t[c], middle[a], centre, middle[b]]) for c, a, b in corners]
+    return MeshQuad(points, np.hstack(cells))
+
+
 def cell_sizes(mesh: SkfemMesh) -> Floats:
-    """Return the size of every cell: the leg of the right isosceles triangle of its area, m."""
-    sizes: Floats = np.sqrt(2.0 * np.abs(signed_measures(mesh)))
+    """Return the size of every cell, m.
+
+    The side of a square of its area; for a triangle the leg of the right isosceles one.
+    """
+    sizes: Floats = np.sqrt(cell_measures(mesh) * (2.0 if is_simplicial(mesh) else 1.0))
     return sizes
 
 
@@ -110,19 +131,56 @@ def name_faces(mesh: SkfemMesh, axes: Sequence[str]) -> SkfemMesh:
     return mesh.with_boundaries(faces)
 
 
-def name_regions(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMesh:
-    """Name the cells whose centroid lies in a contour; the later of two contours wins.
+def group_cells(mesh: SkfemMesh, group: str, key: str) -> Ints:
+    """Return the cells of a named group, or raise a `CaseError` with the names there are."""
+    present = mesh.subdomains or {}
+    if group not in present:
+        names = ", ".join(sorted(present)) or "none"
+        raise CaseError(key, f"no group '{group}' in the mesh", f"those present are {names}")
+    cells: Ints = np.asarray(present[group])
+    return cells
+
+
+def outline(mesh: SkfemMesh, cells: Ints) -> Contour:
+    """Return the longest closed line of edges around a group of cells."""
+    edges = np.bincount(mesh.t2f[:, cells].ravel(), minlength=mesh.nfacets) == 1
+    neighbours: dict[int, list[int]] = {}
+    for a, b in mesh.facets[:, edges].T:
+        neighbours.setdefault(int(a), []).append(int(b))
+        neighbours.setdefault(int(b), []).append(int(a))
+    longest: list[int] = []
+    while neighbours:
+        start = next(iter(neighbours))
+        ring, at = [start], start
+        while neighbours.get(at):
+            after = neighbours[at].pop()
+            neighbours[after].remove(at)
+            ring.append(after)
+            at = after
+        neighbours = {key: left for key, left in neighbours.items() if left}
+        longest = max(longest, ring, key=len)
+    return Contour(mesh.p[:, longest].T)
+
+
+def name_regions(
+    mesh: SkfemMesh,
+    contours: Mapping[str, Contour],
+    groups: Mapping[str, Ints] | None = None,
+) -> SkfemMesh:
+    """Name the cells whose centroid lies in a contour, and groups; of two the later wins.
 
     The rest is named `BACKGROUND`. Raises a `CaseError` for a region without any cell.
     """
     owner = np.zeros(mesh.nelements, dtype=np.intp)
     centroids = mesh.p[:, mesh.t].mean(axis=1).T
-    for number, contour in enumerate(contours.values(), start=1):
-        owner[contour.contains(centroids)] = number
+    chosen = dict(groups or {})
+    chosen |= {name: np.flatnonzero(c.contains(centroids)) for name, c in contours.items()}
+    for number, members in enumerate(chosen.values(), start=1):
+        owner[members] = number
     cells = {
-        name: np.flatnonzero(owner == number) for number, name in enumerate([BACKGROUND, *contours])
+        name: np.flatnonzero(owner == number) for number, name in enumerate([BACKGROUND, *chosen])
     }
-    for name in contours:
+    for name in chosen:
         if not cells[name].size:
             remedy = "refine the mesh, enlarge the contour or check its offset"
             raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)

@@ -5,17 +5,20 @@ from functools import cached_property
 
 import numpy as np
 
-from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Sparse
+from needlefem.arrays import Floats, Ints, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
 from needlefem.errors import CaseError
 from needlefem.fem import assembly
-from needlefem.fem.factor import Factor, factorise
-from needlefem.fem.interpolation import Interpolation
-from needlefem.materials import Material
+from needlefem.fem.cellmap import cell_measures
+from needlefem.fem.factor import Factor
+from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.space import Space
+from needlefem.fem.stiffness import Stiffness
+from needlefem.materials import Material, plane_split, split
 from needlefem.scene import Support
 
 
-class Model:
+class Model(Space):
     """K, M and what belongs to them; immutable, computed when first asked for.
 
     Parameters
@@ -30,6 +33,8 @@ class Model:
         Faces on which components are held at zero.
     axes : sequence of str
         Names of the axes.
+    plane : str
+        Plane 'strain' or plane 'stress' (2D only).
 
     Raises
     ------
@@ -44,20 +49,12 @@ class Model:
         materials: Mapping[str, Material],
         supports: Mapping[str, Support],
         axes: tuple[str, ...],
+        *,
+        plane: str = "strain",
     ) -> None:
-        self.mesh, self.element, self.axes = mesh, element, axes
+        super().__init__(mesh, element)
+        self.axes, self.plane = axes, plane
         self.materials, self.supports = materials, supports
-        self.dim: int = mesh.dim()
-        self.basis = assembly.displacement_basis(mesh, element, element.stiffness_order)
-        self.ndofs: int = self.basis.N
-        first = self.basis.element_dofs[:: self.dim]
-        _, numbers = np.unique(first, return_inverse=True)
-        self.cell_nodes: Ints = numbers.reshape(first.shape).T.copy()
-        self.nnodes = int(self.cell_nodes.max()) + 1
-        self.node_dofs: Ints = np.zeros((self.nnodes, self.dim), dtype=np.intp)
-        for axis in range(self.dim):
-            self.node_dofs[self.cell_nodes.T, axis] = self.basis.element_dofs[axis :: self.dim]
-        self.nodes: Points = self.basis.doflocs[:, self.node_dofs[:, 0]].T
         self.held_dofs = self._held_dofs()
         self.free_dofs: Ints = np.setdiff1d(np.arange(self.ndofs), self.held_dofs)
         self._refuse_rigid_motion()
@@ -70,24 +67,11 @@ class Model:
                 raise CaseError(f"supports.{name}.fixed", f"no axis '{axis}'", f"one of {options}")
             for face in support.faces:
                 if face not in self.mesh.boundaries:
-                    options = ", ".join(sorted(self.mesh.boundaries))
+                    options = "those present are " + ", ".join(sorted(self.mesh.boundaries))
                     raise CaseError(f"supports.{name}.faces", f"no face '{face}'", options)
-                components = [f"u^{self.axes.index(a) + 1}" for a in support.fixed or self.axes]
-                held.append(self.basis.get_dofs(face).all(components))
+                components = [self.axes.index(axis) for axis in support.fixed or self.axes]
+                held.append(self.dofs_on(self.mesh.boundaries[face], components))
         return np.unique(np.concatenate(held))
-
-    @cached_property
-    def rigid_motions(self) -> Floats:
-        """Translations and rotations of all dofs, shape (ndofs, 3 in 2D or 6 in 3D)."""
-        centred = (self.nodes - self.nodes.mean(axis=0)) / np.ptp(self.nodes)
-        pairs = [(i, j) for i in range(self.dim) for j in range(i + 1, self.dim)]
-        motions = np.zeros((self.ndofs, self.dim + len(pairs)))
-        for axis in range(self.dim):
-            motions[self.node_dofs[:, axis], axis] = 1.0
-        for column, (i, j) in enumerate(pairs, start=self.dim):
-            motions[self.node_dofs[:, i], column] = -centred[:, j]
-            motions[self.node_dofs[:, j], column] = centred[:, i]
-        return motions
 
     def _refuse_rigid_motion(self) -> None:
         motions = self.rigid_motions
@@ -118,28 +102,24 @@ class Model:
         an interface sees no jump.
         """
         corners = self.mesh.t.T
-        measure = np.repeat(np.sum(self.basis.dx, axis=1), corners.shape[1])
+        measure = np.repeat(cell_measures(self.mesh), corners.shape[1])
         value = np.repeat(self.per_cell(values), corners.shape[1])
         where, count = corners.ravel(), self.mesh.nvertices
         weighted = np.bincount(where, measure * value, minlength=count)
         at_vertices = weighted / np.bincount(where, measure, minlength=count)
-        places = self.element.make().doflocs
-        barycentric = np.column_stack([1.0 - places.sum(axis=1), places])
+        between = ShapeTable(self.mesh.elem())(self.element.nodes)
         field = np.zeros(self.nnodes)
-        field[self.cell_nodes] = at_vertices[corners] @ barycentric.T
+        field[self.cell_nodes] = at_vertices[corners] @ between.T
         return field
 
     @cached_property
-    def lame(self) -> tuple[Floats, Floats]:
-        """Lame parameters of every cell, each of shape (ncells,), Pa."""
-        pairs = {name: material.lame() for name, material in self.materials.items()}
-        lam = self.per_cell({name: pair[0] for name, pair in pairs.items()})
-        return lam, self.per_cell({name: pair[1] for name, pair in pairs.items()})
-
-    @cached_property
-    def stiffness(self) -> Sparse:
-        """K, shape (ndofs, ndofs), N/m (per metre of thickness in 2D)."""
-        return assembly.stiffness(self.basis, *self.lame)
+    def stiffness(self) -> Stiffness:
+        """K of the whole tissue, supported or not."""
+        if self.dim == 3:
+            splits = [split(material) for material in self.materials.values()]
+        else:
+            splits = [plane_split(material, self.plane) for material in self.materials.values()]
+        return Stiffness(self, splits, self.cell_materials)
 
     @cached_property
     def density(self) -> Floats:
@@ -149,13 +129,15 @@ class Model:
     @cached_property
     def mass(self) -> Sparse:
         """Consistent M, shape (ndofs, ndofs), kg (per metre of thickness in 2D)."""
-        basis = assembly.displacement_basis(self.mesh, self.element, self.element.mass_order)
-        return assembly.mass(basis, self.density)
+        return assembly.mass(self._mass_basis, self.density)
 
     def lumped_mass(self, scheme: str) -> Floats:
         """Diagonal of the lumped M, shape (ndofs,); see `assembly.lumped_mass`."""
-        basis = assembly.displacement_basis(self.mesh, self.element, self.element.mass_order)
-        return assembly.lumped_mass(basis, self.density, scheme, self.element)
+        return assembly.lumped_mass(self._mass_basis, self.density, scheme, self.element)
+
+    @cached_property
+    def _mass_basis(self) -> object:
+        return assembly.displacement_basis(self.mesh, self.element, self.element.mass_rule)
 
     def free_block(self, matrix: Sparse) -> Sparse:
         """Return rows and columns of the free dofs."""
@@ -164,24 +146,10 @@ class Model:
     @cached_property
     def factor(self) -> Factor:
         """Factorisation of K on the free dofs."""
-        return factorise(self.free_block(self.stiffness))
+        return self.stiffness.factor(self.free_dofs)
 
     def solve(self, loads: Floats) -> Floats:
         """Return displacements for loads on all dofs, shape (ndofs,) or (ndofs, k)."""
         found = np.zeros_like(loads)
         found[self.free_dofs] = self.factor.solve(np.ascontiguousarray(loads[self.free_dofs]))
         return found
-
-    @cached_property
-    def interpolation(self) -> Interpolation:
-        """Evaluation of nodal fields anywhere in the tissue."""
-        return Interpolation(self.mesh, self.element, self.cell_nodes)
-
-    def nodal(self, dofs: Floats) -> Floats:
-        """Return a dof vector as a nodal field, shape (nnodes, dim)."""
-        field: Floats = dofs[self.node_dofs]
-        return field
-
-    def displacement_at(self, dofs: Floats, points: Points) -> Points:
-        """Return u at points anywhere in the tissue, shape (n, dim), m."""
-        return self.interpolation.at(points).of(self.nodal(dofs))

@@ -59,7 +59,7 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     numbers = range(len(insertion.states))
     force = loads(insertion, numbers)
     moved = insertion.model.solve(force)
-    energy = 0.5 * np.einsum("ij,ij->j", moved, insertion.model.stiffness @ moved)
+    energy = insertion.model.stiffness.energy(moved)
     steps = [
         _Step(insertion, number, moved[:, number : number + 2])
         for number in range(len(insertion.states) - 1)

@@ -69,7 +69,7 @@ class Canvas:
         names = [BACKGROUND, *sorted(set(mesh.subdomains) - {BACKGROUND})]
         for number, name in enumerate(names):
             cells = mesh.t[:, mesh.subdomains[name]].T
-            faces = np.column_stack([np.full(len(cells), 3), cells]).ravel()
+            faces = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
             self.plotter.add_mesh(
                 self._pv.PolyData(at, faces=faces),
                 color=self.style.tissue[number % len(self.style.tissue)],

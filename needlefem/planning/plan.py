@@ -70,7 +70,7 @@ def plan(
 
 def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
     """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
-    checks = (*preflight(simulation.model), needle_resolution(simulation.scene))
+    checks = (*preflight(simulation.model), needle_resolution(simulation))
     failed = [check for check in checks if not check.passed]
     if failed:
         worst = failed[0]

@@ -19,7 +19,7 @@ def test_one_mode_has_newmarks_period(gel: Scene) -> None:
 
     model = build_model(vary(gel, {"mesh.divisions": (4, 4)}))
     squares, shapes = eigh(
-        model.free_block(model.stiffness).toarray(), model.free_block(model.mass).toarray()
+        model.free_block(model.stiffness.matrix).toarray(), model.free_block(model.mass).toarray()
     )
     shape, omega = shapes[:, 0], np.sqrt(squares[0])
     dynamics = TissueDynamics(model, 0.3 / omega)

@@ -6,6 +6,7 @@ import skfem
 
 from needlefem.checks.tissue import preflight
 from needlefem.elements import ElementRow
+from needlefem.elements.quadrature import simplex
 from needlefem.fem.mesh import BACKGROUND
 from needlefem.fem.model import Model
 from needlefem.fem.responses import SharedResponses
@@ -23,8 +24,8 @@ TETRAHEDRON = ElementRow(
     cell="tetrahedron",
     make=skfem.ElementTetP1,
     degree=1,
-    stiffness_order=0,
-    mass_order=2,
+    stiffness_rule=simplex(1, 3),
+    mass_rule=simplex(2, 3),
     lumpings=("row-sum",),
     poissons_ratio_limit=0.45,
 )

@@ -91,9 +91,8 @@ def test_wrong_entry_is_refused_though_a_plan_chooses_its_own(organ: Scene) -> N
 
 def test_nothing_is_planned_on_a_tissue_that_fails_a_check(organ: Scene) -> None:
     simulation = Simulation(organ)
-    broken = simulation.model.stiffness.copy()
-    broken.data[100] *= 1.0 + 1e-6  # no longer symmetric, nor blind to rigid motion
-    simulation.model.__dict__["stiffness"] = broken
+    broken = simulation.model.stiffness.matrix  # no longer symmetric, nor blind to rigid motion
+    broken.data[100] *= 1.0 + 1e-6
     with pytest.raises(CheckFailedError, match="refused: check 'rigid motion' gives"):
         checked(simulation)
 

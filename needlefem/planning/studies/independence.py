@@ -10,7 +10,7 @@ import numpy as np
 
 from needlefem.planning.studies.common import carry_out, planner_of
 from needlefem.resolve import resolve
-from needlefem.scene import Scene, vary
+from needlefem.scene import BoxMesh, Refinement, Scene, vary
 from needlefem.table import Table
 
 BOUND = 2e-5
@@ -38,9 +38,10 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 def variations(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes to a resolved scene, by name."""
-    refine, spacing = scene.mesh.refine, scene.discretisation.path_spacing
+    spacing = scene.discretisation.path_spacing
     hold, points = scene.needle.lateral_stiffness, scene.discretisation.kernel_points
     found: dict[str, dict[str, Any]] = {"nothing": {}}
+    refine = scene.mesh.refine if isinstance(scene.mesh, BoxMesh) else Refinement()
     if refine.corridor_size > 0.0:
         found["elements x 1/2"] = {
             "mesh.refine.corridor_size": 0.5 * refine.corridor_size,

@@ -7,7 +7,7 @@ or with other parameters it misses by what should be expected of it.
 import numpy as np
 
 from needlefem.planning.studies.common import carry_out, planner_of
-from needlefem.scene import Scene, vary
+from needlefem.scene import Scene, field_of, vary
 from needlefem.table import Table
 
 
@@ -42,9 +42,7 @@ def perturbed(scene: Scene) -> dict[str, Scene]:
     names |= {"cutting force": "needle.cutting_force", "shaft friction": "needle.shaft_friction"}
     found = {}
     for name, path in names.items():
-        value: object = scene
-        for part in path.split("."):
-            value = value[part] if isinstance(value, dict) else getattr(value, part)
+        value = field_of(scene, path)
         for sign, factor in (("+", 1.1), ("-", 0.9)):
-            found[f"{name} {sign}10 %"] = vary(scene, {path: factor * float(str(value))})
+            found[f"{name} {sign}10 %"] = vary(scene, {path: factor * value})
     return found

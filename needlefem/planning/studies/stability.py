@@ -17,7 +17,7 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.planning.studies.common import carry_out
 from needlefem.resolve import resolve
-from needlefem.scene import Scene, vary
+from needlefem.scene import Scene, field_of, vary
 from needlefem.table import Table
 
 LARGEST_QUIET_ERROR = 5e-4
@@ -43,7 +43,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes to the scene, by name."""
     radius = scene.needle.tip_radius
-    background = scene.materials[scene.background].youngs_modulus
+    background = field_of(scene, f"materials.{scene.background}.youngs_modulus")
     stiff = next(region.material for region in scene.regions.values())
     found: dict[str, dict[str, Any]] = {
         "as it is": {},

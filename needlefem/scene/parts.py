@@ -1,4 +1,4 @@
-"""The scene: all that a case says, as plain frozen dataclasses in SI units."""
+"""The parts of a scene."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -7,62 +7,19 @@ from typing import Any
 
 from needlefem.contour import Contour
 from needlefem.knobs import knob
-from needlefem.materials import Isotropic
-
-Coordinates = tuple[float, ...]
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Refinement:
-    """Local refinement of the mesh; a size of 0 leaves it as it is."""
-
-    corridor_size: float = knob(
-        "Element size along the needle", "length", default=0.0, low=0.0, closed=True
-    )
-    corridor_width: float = knob(
-        "Full width of the refined corridor around the needle's line",
-        "length",
-        default=0.0,
-        low=0.0,
-        closed=True,
-    )
-    corridor_depth: float = knob(
-        "Depth below the skin to which the corridor reaches",
-        "length",
-        default=0.0,
-        low=0.0,
-        closed=True,
-    )
-    contour_size: float = knob(
-        "Element size along the regions' contours", "length", default=0.0, low=0.0, closed=True
-    )
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class BoxMesh:
-    """A box of simplices, cut from a regular grid."""
-
-    size: Coordinates = knob("Edge lengths of the box", "length", low=0.0)
-    origin: Coordinates = knob("Corner with the smallest coordinates", "length", default=())
-    divisions: tuple[int, ...] = knob("Squares along every axis", low=1.0, closed=True)
-    pattern: str = knob(
-        "How a square is cut into triangles: two of them, or four",
-        default="diagonal",
-        choices=("diagonal", "crossed"),
-    )
-    interfaces: str = knob(
-        "How cells meet a contour: assigned by their centroid, or moved onto it",
-        default="centroid",
-        choices=("centroid", "fitted"),
-    )
-    refine: Refinement = Refinement()
+from needlefem.materials import Material
+from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Region:
-    """A part of the tissue inside a closed contour."""
+    """A part of the tissue: inside a closed contour, or a group of the mesh file.
+
+    The contour of a group is its outline, for pictures and for targets drawn in it.
+    """
 
     contour: Contour
+    group: str | None = knob("Group of cells of the mesh file, instead of a contour", default=None)
     material: str = knob("Name of its material")
     cutting_force: float | None = knob(
         "Cutting force here, where it differs from the needle's",
@@ -212,11 +169,12 @@ class Scene:
 
     title: str
     axes: tuple[str, ...]
-    mesh: BoxMesh
-    materials: Mapping[str, Isotropic]
+    mesh: BoxMesh | FileMesh
+    materials: Mapping[str, Material]
     background: str
     regions: Mapping[str, Region]
     supports: Mapping[str, Support]
+    plane: str = "strain"
     discretisation: Discretisation = Discretisation()
     needle: Needle
     motion: Motion
@@ -232,23 +190,3 @@ class Scene:
     def dim(self) -> int:
         """Number of space dimensions."""
         return len(self.axes)
-
-
-def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene with fields replaced: dotted names and values in SI units.
-
-    Names go through mappings too: ``{"needle.tip_radius": 1e-3, "materials.fat.density": 900}``.
-    """
-    varied: Scene = scene
-    for name, value in changes.items():
-        varied = _replaced(varied, name.split("."), value)
-    return varied
-
-
-def _replaced(node: Any, path: list[str], value: Any) -> Any:
-    if not path:
-        return value
-    head, rest = path[0], path[1:]
-    if isinstance(node, Mapping):
-        return {**node, head: _replaced(node[head], rest, value)}
-    return dataclasses.replace(node, **{head: _replaced(getattr(node, head), rest, value)})

@@ -1,0 +1,72 @@
+"""The element catalogue: one row an element, chosen by name."""
+
+import skfem
+
+from needlefem import foreign
+from needlefem.elements.mini import TriangleBubble
+from needlefem.elements.quadrature import gauss, simplex
+from needlefem.elements.row import MEAN, PRESSURE, ElementRow
+from needlefem.errors import CaseError, nearest
+
+_ROWS = (
+    ElementRow(
+        name="P1", cell="triangle", make=skfem.ElementTriP1, degree=1,
+        stiffness_rule=simplex(1), mass_rule=simplex(2), lumpings=("row-sum", "hrz"),
+        poissons_ratio_limit=0.45,
+    ),
+    ElementRow(
+        name="P2", cell="triangle", make=skfem.ElementTriP2, degree=2,
+        stiffness_rule=simplex(2), mass_rule=simplex(4), lumpings=("hrz",),
+        poissons_ratio_limit=0.49,
+    ),
+    ElementRow(
+        name="Q1", cell="quadrilateral", make=skfem.ElementQuad1, degree=1,
+        stiffness_rule=gauss(2), mass_rule=gauss(2), lumpings=("row-sum", "hrz"),
+        poissons_ratio_limit=0.45,
+    ),
+    ElementRow(
+        name="Q2", cell="quadrilateral", make=skfem.ElementQuad2, degree=2,
+        stiffness_rule=gauss(3), mass_rule=gauss(3), lumpings=("row-sum", "hrz"),
+        poissons_ratio_limit=0.49,
+    ),
+    ElementRow(
+        name="Q1-Bbar", cell="quadrilateral", make=skfem.ElementQuad1, degree=1,
+        stiffness_rule=gauss(2), mass_rule=gauss(2), lumpings=("row-sum", "hrz"),
+        poissons_ratio_limit=0.49999, stress_limit=0.49999, volume=MEAN, volume_rule=gauss(1),
+    ),
+    ElementRow(
+        name="MINI", cell="triangle", make=TriangleBubble, degree=1,
+        stiffness_rule=simplex(4), mass_rule=simplex(6), lumpings=("row-sum", "hrz"),
+        poissons_ratio_limit=0.5, stress_limit=0.5, volume=PRESSURE, pressure=skfem.ElementTriP1,
+    ),
+    ElementRow(
+        name="P2-P1", cell="triangle", make=skfem.ElementTriP2, degree=2,
+        stiffness_rule=simplex(2), mass_rule=simplex(4), lumpings=("hrz",),
+        poissons_ratio_limit=0.5, stress_limit=0.5, volume=PRESSURE, pressure=skfem.ElementTriP1,
+    ),
+    ElementRow(
+        name="Q2-Q1", cell="quadrilateral", make=skfem.ElementQuad2, degree=2,
+        stiffness_rule=gauss(3), mass_rule=gauss(3), lumpings=("row-sum", "hrz"),
+        poissons_ratio_limit=0.5, stress_limit=0.5, volume=PRESSURE, pressure=skfem.ElementQuad1,
+    ),
+)  # fmt: skip
+
+CATALOGUE: dict[str, ElementRow] = {row.name: row for row in _ROWS}
+
+
+def element_row(name: str, key: str = "discretisation.element") -> ElementRow:
+    """Return an element's row: of the catalogue, or of the user's (``module:Name``).
+
+    Raises
+    ------
+    CaseError
+        There is none of that name (the nearest is named), or it is no `ElementRow`.
+    """
+    if not foreign.is_foreign(name):
+        if name not in CATALOGUE:
+            raise CaseError(key, f"no element '{name}'", nearest(name, CATALOGUE))
+        return CATALOGUE[name]
+    found = foreign.load(name, key)
+    if not isinstance(found, ElementRow):
+        raise CaseError(key, f"'{name}' is no ElementRow", "see docs/how-to/own-element.md")
+    return found

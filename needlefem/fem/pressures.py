@@ -1,0 +1,66 @@
+"""The pressure of a mixed element: continuous in a material, with a jump between two.
+
+Where two laws meet the strain jumps, and with it the pressure: functions continuous across the
+interface would smear it.
+"""
+
+from typing import Any
+
+import numpy as np
+from scipy.sparse import block_array, vstack
+
+from needlefem.arrays import Floats, Ints, Points, Sparse
+from needlefem.fem import assembly
+from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.space import Space
+
+
+class Pressures:
+    """Pressures of a mixed element, numbered material by material.
+
+    Parameters
+    ----------
+    space : Space
+        Of a mixed element.
+    owner : array, shape (ncells,)
+        The law of every cell.
+    """
+
+    def __init__(self, space: Space, owner: Ints) -> None:
+        self._element = space.element
+        self._basis = assembly.pressure_basis(space.mesh, space.element)
+        self._parts = [np.flatnonzero(owner == number) for number in range(int(owner.max()) + 1)]
+        self._parts = [cells for cells in self._parts if cells.size]
+        self._used = [np.unique(self._basis.element_dofs[:, cells]) for cells in self._parts]
+        starts = np.cumsum([0, *(len(used) for used in self._used)])
+        self.count = int(starts[-1])
+        self.cell_dofs: Ints = np.empty_like(self._basis.element_dofs, dtype=np.intp)
+        for cells, used, start in zip(self._parts, self._used, starts[:-1], strict=True):
+            local = np.searchsorted(used, self._basis.element_dofs[:, cells])
+            self.cell_dofs[:, cells] = start + local
+
+    def coupling(self, basis: Any) -> Sparse:
+        """Return B, shape (count, ndofs), on the displacement's basis."""
+        rows = []
+        for cells, used in zip(self._parts, self._used, strict=True):
+            whole = assembly.coupling(basis.with_elements(cells), self._basis.with_elements(cells))
+            rows.append(whole.tocsr()[used])
+        return vstack(rows).tocsr()
+
+    def mass(self, weight: Floats) -> Sparse:
+        """Return the mass matrix weighted by one number a cell, shape (count, count)."""
+        blocks = []
+        for cells, used in zip(self._parts, self._used, strict=True):
+            whole = assembly.pressure_mass(self._basis.with_elements(cells), weight[cells])
+            blocks.append(whole.tocsr()[used][:, used])
+        n = len(blocks)
+        diagonal = [[blocks[i] if i == j else None for j in range(n)] for i in range(n)]
+        return block_array(diagonal).tocsr()
+
+    def at(self, dofs: Floats, reference: Points) -> Floats:
+        """Return pressures at reference points (n, dim) of every cell, shape (ncells, n)."""
+        if self._element.pressure is None:  # `pressure_basis` has refused it already
+            raise TypeError
+        shape = ShapeTable(self._element.pressure())(reference)
+        found: Floats = np.einsum("kc,nk->cn", dofs[self.cell_dofs], shape)
+        return found

@@ -1,0 +1,78 @@
+"""Shape functions as polynomials: many points in one product."""
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Floats, Points
+
+NOTHING = 1e-10
+"""Coefficients below are round-off of zero."""
+
+
+class ShapeTable:
+    """Shape functions of a scikit-fem element on its reference cell.
+
+    The coefficients are read off scikit-fem's own functions.
+
+    Parameters
+    ----------
+    element : skfem.Element
+        Scalar, with polynomial shape functions.
+    """
+
+    def __init__(self, element: Any) -> None:
+        dim, degree = element.doflocs.shape[1], element.maxdeg
+        powers = [p for p in product(range(degree + 1), repeat=dim) if sum(p) <= degree]
+        self._powers = sorted(powers, key=sum)
+        ticks = (np.arange(degree + 1) + 0.5) / (degree + 2)
+        samples = np.array(list(product(ticks, repeat=dim)))
+        count = len(element.doflocs)
+        values = np.stack([element.lbasis(samples.T, i)[0] for i in range(count)], axis=1)
+        coefficients = np.linalg.lstsq(self._monomials(samples), values, rcond=None)[0]
+        coefficients[np.abs(coefficients) < NOTHING] = 0.0
+        used = self._needed(np.flatnonzero(np.any(coefficients, axis=1)))
+        self._powers = [self._powers[i] for i in used]
+        again = np.linalg.lstsq(self._monomials(samples), values, rcond=None)
+        self._coefficients: Floats = again[0]
+        self._coefficients[np.abs(self._coefficients) < NOTHING] = 0.0
+        self._slopes = [self._derivative(axis) @ self._coefficients for axis in range(dim)]
+
+    def _needed(self, used: Any) -> list[int]:
+        """Return the monomials used and all that they are products of."""
+        wanted = [self._powers[i] for i in used]
+        return [
+            number
+            for number, power in enumerate(self._powers)
+            if any(all(p <= q for p, q in zip(power, other, strict=True)) for other in wanted)
+        ]
+
+    def _derivative(self, axis: int) -> Floats:
+        place = {power: number for number, power in enumerate(self._powers)}
+        matrix = np.zeros((len(place), len(place)))
+        for power, number in place.items():
+            if power[axis]:
+                lower = tuple(p - (i == axis) for i, p in enumerate(power))
+                matrix[place[lower], number] = power[axis]
+        return matrix
+
+    def _monomials(self, points: Points) -> Floats:
+        columns = [np.ones(len(points))]
+        known = {self._powers[0]: columns[0]}
+        for power in self._powers[1:]:
+            axis = next(i for i, p in enumerate(power) if p)
+            lower = tuple(p - (i == axis) for i, p in enumerate(power))
+            known[power] = known[lower] * points[:, axis]
+            columns.append(known[power])
+        return np.stack(columns, axis=1)
+
+    def __call__(self, reference: Points) -> Floats:
+        """Return all shape functions at reference points (n, dim), shape (n, nodes)."""
+        values: Floats = self._monomials(reference) @ self._coefficients
+        return values
+
+    def gradients(self, reference: Points) -> Floats:
+        """Return their gradients at reference points (n, dim), shape (n, nodes, dim)."""
+        monomials = self._monomials(reference)
+        return np.stack([monomials @ slope for slope in self._slopes], axis=2)

@@ -1,0 +1,222 @@
+"""The stiffness of a discretised tissue, with or without a pressure of its own.
+
+A mixed element has ``K = A + B' inv(C) B``: A resists a change of shape, B is the volume gained,
+C the compressibility of the pressure's functions. K itself is full, so that the system
+``[[A, B'], [B, -C]]`` is solved instead, which exists for incompressible tissue as well
+(C = 0). All others see K alone.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import block_array
+
+from needlefem.arrays import Floats, Ints, Sparse
+from needlefem.elements import MEAN, PLAIN
+from needlefem.errors import CaseError, SimulationError
+from needlefem.fem import assembly
+from needlefem.fem.factor import Factor, factorise
+from needlefem.fem.pressures import Pressures
+from needlefem.fem.space import Space
+from needlefem.materials import Split
+from needlefem.materials.voigt import volumetric
+
+
+class Stiffness:
+    """K of an element on a mesh.
+
+    Parameters
+    ----------
+    space : Space
+    splits : sequence of Split
+        Laws in the plane or in space.
+    owner : array, shape (ncells,)
+        The law of every cell.
+
+    Attributes
+    ----------
+    law : array, shape (n, n, ncells), Pa
+        What the strain is multiplied with in every cell; without the volumetric part if that is
+        treated apart.
+    compressibility : array, shape (ncells,), 1/Pa
+    poissons_ratio : float
+        The largest that an isotropic law of the same compressibility and shear would have.
+
+    Raises
+    ------
+    CaseError
+        Incompressible tissue without a pressure to carry it.
+    """
+
+    def __init__(self, space: Space, splits: Sequence[Split], owner: Ints) -> None:
+        self._space, self._element = space, space.element
+        splits, owner = _different(splits, owner)
+        self._owner = owner
+        shape = np.stack([part.shape for part in splits], axis=2)
+        self.compressibility: Floats = np.array([p.compressibility for p in splits])[owner]
+        if self._element.definite and self.compressibility.min() == 0.0:
+            remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
+            problem = f"{self._element.name} can't be incompressible"
+            raise CaseError("discretisation.element", problem, remedy)
+        if self._element.volume == PLAIN:
+            m = volumetric(space.dim)
+            kappas = np.array([part.kappa for part in splits])
+            shape = shape + kappas * np.outer(m, m)[:, :, None]
+        self.law: Floats = shape[:, :, owner]
+        self.poissons_ratio = max(part.poissons_ratio for part in splits)
+
+    @cached_property
+    def matrix(self) -> Sparse:
+        """K, or A of a mixed element, shape (ndofs, ndofs)."""
+        found = assembly.stiffness(self._space.basis, self.law)
+        rule = self._element.volume_rule
+        if self._element.volume == MEAN and rule is not None:
+            basis = assembly.displacement_basis(self._space.mesh, self._element, rule)
+            found = found + assembly.volume_stiffness(basis, 1.0 / self.compressibility)
+        return found
+
+    @cached_property
+    def pressures(self) -> Pressures:
+        """The pressure of a mixed element."""
+        return Pressures(self._space, self._owner)
+
+    @cached_property
+    def coupling(self) -> Sparse:
+        """B, shape (npressures, ndofs)."""
+        return self.pressures.coupling(self._space.basis)
+
+    @cached_property
+    def volume(self) -> Sparse:
+        """C, shape (npressures, npressures)."""
+        return self.pressures.mass(self.compressibility)
+
+    def pressure(self, u: Floats) -> Floats:
+        """Return the pressure's dofs (tension positive) that belong to displacements, Pa.
+
+        Shape (npressures,), or (npressures, k) for k displacements in columns.
+
+        Raises
+        ------
+        SimulationError
+            The tissue is incompressible somewhere: the displacement alone does not give it.
+        """
+        if self.compressibility.min() == 0.0:
+            raise SimulationError("the pressure of incompressible tissue needs its loads")
+        found: Floats = self._volume_factor.solve(np.asarray(self.coupling @ u))
+        return found
+
+    @cached_property
+    def _volume_factor(self) -> Factor:
+        return factorise(self.volume)
+
+    def force(self, u: Floats) -> Floats:
+        """Return K u for displacements in columns (or one)."""
+        found: Floats = self.matrix @ u
+        if not self._element.definite:
+            found = found + self.coupling.T @ self.pressure(u)
+        return found
+
+    def energy(self, u: Floats) -> Floats:
+        """Return the strain energy of displacements in columns, shape (k,), J (J/m in 2D).
+
+        Incompressible cells store none by their volume.
+        """
+        found: Floats = 0.5 * np.einsum("ij,ij->j", u, self.matrix @ u)
+        if not self._element.definite:
+            gained = np.asarray(self.coupling @ u)
+            some = np.flatnonzero(self.volume.diagonal() > 0.0)
+            if some.size:
+                pressure = factorise(self.volume.tocsr()[some][:, some]).solve(gained[some])
+                found = found + 0.5 * np.einsum("ij,ij->j", gained[some], pressure)
+        return found
+
+    def dense(self) -> Floats:
+        """Return K as an array (small problems)."""
+        return self.force(np.eye(self._space.ndofs))
+
+    def factor(self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None) -> Factor:
+        """Factorise ``stiffness K + mass`` on free dofs; `mass` has shape (ndofs, ndofs).
+
+        Raises
+        ------
+        SimulationError
+            The matrix is singular.
+        CaseError
+            Incompressible tissue is enclosed on all sides.
+        """
+        matrix = stiffness * self.matrix if mass is None else stiffness * self.matrix + mass
+        block = matrix.tocsr()[free][:, free]
+        if self._element.definite:
+            return factorise(block)
+        coupling = self.coupling.tocsr()[:, free]
+        self._refuse_enclosed(coupling)
+        # a pressure in units that make both kinds of rows alike keeps pivots and digits
+        scale = float(np.abs(block.data).mean() / np.abs(coupling.data).mean())
+        volume = self.volume * (scale**2 / stiffness)
+        system = block_array([[block, scale * coupling.T], [scale * coupling, -volume]])
+        return _MixedFactor(factorise(system, definite=False), len(free), coupling.shape[0], scale)
+
+    def _refuse_enclosed(self, coupling: Sparse) -> None:
+        if self.compressibility.max() > 0.0:
+            return
+        ones = np.ones(coupling.shape[0])
+        if np.abs(coupling.T @ ones).max() <= 1e-12 * np.abs(coupling.data).max():
+            remedy = "free a face, or lower Poisson's ratio"
+            raise CaseError("supports", "incompressible tissue is enclosed on all sides", remedy)
+
+    def solve(self, free: Ints, load: Floats, held: Floats) -> tuple[Floats, Floats]:
+        """Solve with prescribed displacements.
+
+        Parameters
+        ----------
+        free : array
+            Dofs that are solved for.
+        load : array, shape (ndofs,)
+        held : array, shape (ndofs,)
+            Displacement of the other dofs; zero on the free ones.
+
+        Returns
+        -------
+        Displacement, shape (ndofs,), and pressure, shape (npressures,), empty if there is none.
+        """
+        rest = (load - self.matrix @ held)[free]
+        found = held.copy()
+        factor = self.factor(free)
+        if not isinstance(factor, _MixedFactor):
+            found[free] += factor.solve(rest)
+            return found, np.zeros(0)
+        moved, pressure = factor.solve_both(rest, -(self.coupling @ held))
+        found[free] += moved
+        return found, pressure
+
+
+def _different(splits: Sequence[Split], owner: Ints) -> tuple[list[Split], Ints]:
+    """Return the laws that differ, and the law of every cell among them."""
+    kept: list[Split] = []
+    number = np.zeros(len(splits), dtype=np.intp)
+    for position, part in enumerate(splits):
+        same = [
+            i
+            for i, other in enumerate(kept)
+            if other.compressibility == part.compressibility
+            and np.array_equal(other.shape, part.shape)
+        ]
+        number[position] = same[0] if same else len(kept)
+        if not same:
+            kept.append(part)
+    return kept, number[owner]
+
+
+class _MixedFactor:
+    """A factorised saddle point that answers with the displacement alone."""
+
+    def __init__(self, factor: Factor, displacements: int, pressures: int, scale: float) -> None:
+        self._factor, self._n, self._m, self._scale = factor, displacements, pressures, scale
+
+    def solve(self, rhs: Floats) -> Floats:
+        return self.solve_both(rhs, np.zeros((self._m, *rhs.shape[1:])))[0]
+
+    def solve_both(self, rhs: Floats, volumes: Floats) -> tuple[Floats, Floats]:
+        both = self._factor.solve(np.concatenate([rhs, self._scale * volumes]))
+        return both[: self._n], self._scale * both[self._n :]

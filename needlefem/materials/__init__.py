@@ -1,0 +1,22 @@
+"""Constitutive laws; a law is one frozen dataclass whose fields carry unit and range."""
+
+from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
+from needlefem.materials.catalogue import LAWS, law_class
+from needlefem.materials.isotropic import Isotropic
+from needlefem.materials.linear import LinearElastic
+from needlefem.materials.protocol import Material, Response
+from needlefem.materials.split import Split, plane_split, split
+
+__all__ = [
+    "LAWS",
+    "Isotropic",
+    "LinearElastic",
+    "Material",
+    "Orthotropic",
+    "Response",
+    "Split",
+    "TransverselyIsotropic",
+    "law_class",
+    "plane_split",
+    "split",
+]

@@ -1,0 +1,34 @@
+"""The scene: all that a case says, as plain frozen dataclasses in SI units."""
+
+from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
+from needlefem.scene.parts import (
+    Discretisation,
+    Expectation,
+    Motion,
+    Needle,
+    Outputs,
+    Planning,
+    Region,
+    Scene,
+    Support,
+    TargetDraw,
+)
+from needlefem.scene.varying import field_of, vary
+
+__all__ = [
+    "BoxMesh",
+    "Discretisation",
+    "Expectation",
+    "FileMesh",
+    "Motion",
+    "Needle",
+    "Outputs",
+    "Planning",
+    "Refinement",
+    "Region",
+    "Scene",
+    "Support",
+    "TargetDraw",
+    "field_of",
+    "vary",
+]

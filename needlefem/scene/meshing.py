@@ -1,0 +1,68 @@
+"""Where the mesh of a scene comes from."""
+
+import dataclasses
+from pathlib import Path
+
+from needlefem.knobs import knob
+
+Coordinates = tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """Local refinement of the mesh; a size of 0 leaves it as it is."""
+
+    corridor_size: float = knob(
+        "Element size along the needle", "length", default=0.0, low=0.0, closed=True
+    )
+    corridor_width: float = knob(
+        "Full width of the refined corridor around the needle's line",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    corridor_depth: float = knob(
+        "Depth below the skin to which the corridor reaches",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    contour_size: float = knob(
+        "Element size along the regions' contours", "length", default=0.0, low=0.0, closed=True
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class BoxMesh:
+    """A box of triangles or quadrilaterals from a regular grid.
+
+    Quadrilaterals refined or fitted somewhere are made from triangles, three of each.
+    """
+
+    size: Coordinates = knob("Edge lengths of the box", "length", low=0.0)
+    origin: Coordinates = knob("Corner with the smallest coordinates", "length", default=())
+    divisions: tuple[int, ...] = knob("Squares along every axis", low=1.0, closed=True)
+    pattern: str = knob(
+        "How a square is cut: into two triangles, into four, or left whole",
+        default="diagonal",
+        choices=("diagonal", "crossed", "quadrilateral"),
+    )
+    interfaces: str = knob(
+        "How cells meet a contour: assigned by their centroid, or moved onto it",
+        default="centroid",
+        choices=("centroid", "fitted"),
+    )
+    refine: Refinement = Refinement()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FileMesh:
+    """A mesh from a file that meshio reads, with named groups of cells and faces."""
+
+    path: Path
+    unit: float = knob("Length of one unit of the file's coordinates", "length", low=0.0)
+    cell: str = knob(
+        "Shape of its cells", default="triangle", choices=("triangle", "quadrilateral")
+    )
