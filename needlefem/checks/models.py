@@ -1,10 +1,10 @@
 """Plain tissues for checks and reference problems."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from needlefem.arrays import SkfemMesh
+from needlefem.arrays import Points, SkfemMesh
 from needlefem.elements import ElementRow
 from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
 from needlefem.fem.model import Model
@@ -20,6 +20,18 @@ def square_mesh(
     """Return a rectangle at the origin of triangles or quadrilaterals, as the element needs."""
     pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
     return box((0.0, 0.0), size, (divisions, divisions), pattern)
+
+
+def mapped_mesh(
+    element: ElementRow, divisions: tuple[int, int], place: Callable[[Points], Points]
+) -> SkfemMesh:
+    """Return the unit square's grid moved by a function of its points, (n, 2) to (n, 2).
+
+    Polar coordinates, a tapered panel, a graded square: anything with four sides.
+    """
+    pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
+    mesh = box((0.0, 0.0), (1.0, 1.0), divisions, pattern)
+    return type(mesh)(np.ascontiguousarray(place(mesh.p.T).T), mesh.t)
 
 
 def distorted_mesh(element: ElementRow, divisions: int, share: float = 0.3) -> SkfemMesh:
