@@ -50,8 +50,10 @@ def rectangle(
     divisions: int,
     size: tuple[float, float] = (1.0, 1.0),
     supports: Mapping[str, Support] = ONE_SIDE,
+    *,
+    plane: str = "strain",
 ) -> Model:
     """Return a uniform rectangle of the element's cells, `divisions` along every side."""
     mesh = square_mesh(element, divisions, size)
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
-    return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"))
+    return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)

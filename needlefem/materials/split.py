@@ -40,11 +40,14 @@ class Split:
         Reciprocal of `kappa`; zero for incompressible tissue.
     shear : float, Pa
         The softest shear modulus.
+    bulk_compressibility : float, 1/Pa
+        Loss of volume under a pressure of 1 Pa.
     """
 
     shape: Floats
     compressibility: float
     shear: float
+    bulk_compressibility: float
 
     @property
     def kappa(self) -> float:
@@ -60,7 +63,7 @@ class Split:
     @property
     def poissons_ratio(self) -> float:
         """Poisson's ratio of an isotropic law of the same kappa and shear modulus."""
-        share = self.compressibility * self.shear
+        share = self.bulk_compressibility * self.shear
         return (3.0 - 2.0 * share) / (2.0 * (3.0 + share))
 
 
@@ -80,8 +83,7 @@ def plane_split(material: Material, plane: str) -> Split:
     rows = np.array(voigt.IN_PLANE)
     if plane == "strain":
         solid = split(material)
-        shape = solid.shape[np.ix_(rows, rows)]
-        return Split(shape, solid.compressibility, solid.shear)
+        return dataclasses.replace(solid, shape=solid.shape[np.ix_(rows, rows)])
     return split_compliance(_compliance(material)[np.ix_(rows, rows)])
 
 
@@ -98,6 +100,9 @@ def split_compliance(compliance: Floats) -> Split:
 
     With ``s = S m`` and ``c = m.S m`` the compressibility, ``D = inv(S)`` is ``D0 + m m' / c``,
     where D0 s = 0. D0 is found in the space of stresses without mean, so that nothing cancels.
+    As D0 alone would let some change of volume pass for free, it keeps ``2 G / 3`` (``G`` in the
+    plane) of ``1 / c``: the shape part of an isotropic law is then ``2 G strain``, kappa Lame's
+    lambda.
     """
     normals = 3 if len(compliance) == 6 else 2
     m = voigt.volumetric(normals)
@@ -121,9 +126,10 @@ def split_compliance(compliance: Floats) -> Split:
         )
     project = np.eye(len(m)) - np.outer(m, share)
     shape = project @ basis @ np.linalg.solve(mean_free, basis.T) @ project.T
-    shape = 0.5 * (shape + shape.T)
-    compressibility = 0.0 if incompressible else total
-    return Split(shape, compressibility, float(0.5 / eigenvalues[-1]))
+    shear, bulk = float(0.5 / eigenvalues[-1]), 0.0 if incompressible else total
+    kept = 2.0 * shear / normals if incompressible else min(2.0 * shear / normals, 0.5 / total)
+    shape = 0.5 * (shape + shape.T) + kept * np.outer(m, m)
+    return Split(shape, bulk / (1.0 - bulk * kept), shear, bulk)
 
 
 def _mandel(matrix: Floats, basis: Floats, weight: Floats) -> Floats:

@@ -1,0 +1,67 @@
+"""What an element and a law are worth: every check that applies, each with its name."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from needlefem.checks import pair
+from needlefem.checks.law import check_law
+from needlefem.checks.result import CheckResult
+from needlefem.checks.shape import check_shape
+from needlefem.checks.tissue import NEARLY_INCOMPRESSIBLE
+from needlefem.elements import ElementRow
+from needlefem.materials import Isotropic, Material, plane_split
+
+
+def qualify(
+    element: ElementRow, material: Material, plane: str = "strain"
+) -> tuple[CheckResult, ...]:
+    """Run every check that applies to an element and a law in the plane.
+
+    Parameters
+    ----------
+    element : ElementRow
+        On triangles or quadrilaterals.
+    material : Material
+    plane : str
+        Plane 'strain' or 'stress'.
+
+    Returns
+    -------
+    The checks of the law, of the element's functions, and of both together. When a law or an
+    element fails its own, what they do together is not run: it would only repeat the failure.
+    """
+    own = (*check_law(material), *check_shape(element))
+    if not all(check.passed for check in own):
+        return own
+    return (*own, *_together(element, material, plane))
+
+
+def _together(element: ElementRow, material: Material, plane: str) -> list[CheckResult]:
+    law = plane_split(material, plane)
+    if element.definite and law.compressibility == 0.0:
+        return [
+            pair.outcome("incompressibility", "an incompressible law meets a mixed element", 1.0, 0)
+        ]
+    mild = material
+    if law.compressibility == 0.0:  # what changes its volume needs a volume that can change
+        mild = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
+    found = [
+        *pair.patches(element, mild, plane, plane_split(mild, plane)),
+        *pair.modes(element, mild, plane),
+        *pair.convergence(element, material, plane, law),
+        pair.no_locking(element),
+        *pair.masses(element, material, plane),
+        pair.bad_cells_refused(element),
+    ]
+    if not element.definite:
+        found.append(pair.pressure_stability(element))
+    aligned = bool(np.all(np.abs(law.shape[:2, 2]) < 1e-12 * np.abs(law.shape).max()))
+    if aligned and law.compressibility > 0.0:
+        found.append(pair.frequencies(element, material, plane))
+    return found
+
+
+def failures(checks: Sequence[CheckResult]) -> list[str]:
+    """Return the names of the checks that failed."""
+    return [check.name for check in checks if not check.passed]

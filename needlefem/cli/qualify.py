@@ -1,0 +1,82 @@
+"""``needlefem verify --element NAME --material NAME``."""
+
+import argparse
+import dataclasses
+from typing import Any
+
+from needlefem.checks.qualify import failures, qualify
+from needlefem.checks.result import CheckResult
+from needlefem.cli.common import say, say_json
+from needlefem.elements import CATALOGUE, element_row
+from needlefem.errors import CaseError
+from needlefem.materials import LAWS
+from needlefem.materials.example import example
+from needlefem.table import Table
+
+EVERY = "all"
+
+
+def main(options: argparse.Namespace) -> int:
+    """Qualify elements and materials; 1 if a check fails."""
+    settings = dict(_assignment(text) for text in options.settings)
+    found: dict[tuple[str, str], tuple[CheckResult, ...]] = {}
+    for element in _names(options.element or "P2", list(CATALOGUE)):
+        row = element_row(element, "--element")
+        for material in _names(options.material or "isotropic", list(LAWS)):
+            law = example(material, settings)
+            found[element, material] = qualify(row, law, options.plane)
+    if options.json:
+        say_json([_record(pair, checks) for pair, checks in found.items()])
+    elif len(found) == 1:
+        say(_checks(*next(iter(found.items()))).text())
+    else:
+        say(_overview(found).text())
+    return 1 if any(failures(checks) for checks in found.values()) else 0
+
+
+def _names(wanted: str, known: list[str]) -> list[str]:
+    return known if wanted == EVERY else [wanted]
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise CaseError("--set", f"'{text}' is no assignment", "write constant=value")
+    return key.strip(), value.strip().strip("\"'")
+
+
+def _record(pair: tuple[str, str], checks: tuple[CheckResult, ...]) -> dict[str, Any]:
+    return {
+        "element": pair[0],
+        "material": pair[1],
+        "passed": not failures(checks),
+        "checks": [{**dataclasses.asdict(c), "passed": c.passed} for c in checks],
+    }
+
+
+def _checks(pair: tuple[str, str], checks: tuple[CheckResult, ...]) -> Table:
+    failed = failures(checks)
+    return Table(
+        title=f"{pair[0]} with {pair[1]}",
+        columns=("check", "value", "may be", "verdict", "requirement"),
+        rows=[
+            [c.name, f"{c.value:.2e}", f"{c.bound:.1e}", "met" if c.passed else "FAILED",
+             c.requirement]
+            for c in checks
+        ],
+        passed=not failed,
+        note=f"{len(checks)} checks, {len(failed)} failed",
+    )  # fmt: skip
+
+
+def _overview(found: dict[tuple[str, str], tuple[CheckResult, ...]]) -> Table:
+    rows = [
+        [*pair, len(checks), ", ".join(failures(checks)) or "none"]
+        for pair, checks in found.items()
+    ]
+    return Table(
+        title="elements and materials",
+        columns=("element", "material", "checks", "failed"),
+        rows=rows,
+        passed=not any(failures(checks) for checks in found.values()),
+    )
