@@ -84,6 +84,13 @@ def _plan(parser: argparse.ArgumentParser) -> None:
 
 def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", help="problems to run; all when left out")
+    parser.add_argument("--element", help="qualify this element ('all') instead")
+    parser.add_argument("--material", help="qualify this law ('all') instead")
+    parser.add_argument("--plane", choices=("strain", "stress"), default="strain")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
+        help='constant of the law, as in --set youngs_modulus="3 kPa"',
+    )  # fmt: skip
     parser.add_argument(
         "--problems", default="verification", metavar="DIR", help="folder of the problems"
     )

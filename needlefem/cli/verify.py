@@ -19,6 +19,10 @@ from needlefem.table import Table
 
 def main(options: argparse.Namespace) -> int:
     """Run reference problems and print both verdicts on every answer; 1 if one fails."""
+    if options.element or options.material:
+        from needlefem.cli import qualify  # noqa: PLC0415  (another job, with other imports)
+
+        return qualify.main(options)
     folder = Path(options.problems)
     records = read_records(folder)
     verdicts: list[Verdict] = []
