@@ -8,9 +8,6 @@ from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.errors import CaseError
 from needlefem.fem.shapes import ShapeTable
 
-NEWTON_STEPS = 12
-"""Quadratic convergence: points inside convex cells need six at most."""
-
 
 class CellMap(Protocol):
     """The map between cells of a mesh and the reference cell."""
@@ -36,7 +33,7 @@ def is_simplicial(mesh: SkfemMesh) -> bool:
 
 def cell_map(mesh: SkfemMesh) -> CellMap:
     """Return the map of a mesh with straight edges."""
-    return AffineMap(mesh) if is_simplicial(mesh) else MultilinearMap(mesh)
+    return AffineMap(mesh) if is_simplicial(mesh) else BilinearMap(mesh)
 
 
 class AffineMap:
@@ -59,41 +56,49 @@ class AffineMap:
         return least
 
 
-class MultilinearMap:
-    """The map of quadrilaterals and hexahedra with straight edges; see `CellMap`."""
+class BilinearMap:
+    """The map of quadrilaterals with straight edges; see `CellMap`.
+
+    ``x = a + b xi + c eta + d xi eta``: crossing out xi leaves a quadratic equation for eta.
+    """
 
     def __init__(self, mesh: SkfemMesh) -> None:
-        self._corners = cell_corners(mesh)
-        self._shape = ShapeTable(mesh.elem())
+        first, second, third, fourth = np.moveaxis(cell_corners(mesh), 1, 0)
+        self._a, self._b, self._c = first, second - first, fourth - first
+        self._d = third - second - fourth + first
 
     def invert(self, cells: Ints, points: Points) -> Points:
-        """See `CellMap`; NaN where no reference point is found (far outside the cell)."""
-        corners = self._corners[cells]
-        size = np.max(np.ptp(corners, axis=1), axis=1, initial=0.0)
-        local = np.full_like(points, 0.5)
-        with np.errstate(invalid="ignore", over="ignore"):
-            for _ in range(NEWTON_STEPS):
-                at = np.clip(local, -2.0, 3.0)
-                miss = points - np.einsum("nk,nkd->nd", self._shape(at), corners)
-                if np.all(np.abs(miss) <= 1e-14 * size[:, None]):
-                    break
-                step = self._newton_step(at, corners, miss)
-                local = at + step
-        lost = np.abs(miss).max(axis=1, initial=0.0) > 1e-9 * size
-        local[lost] = np.nan
-        return local
-
-    def _newton_step(self, at: Points, corners: Floats, miss: Points) -> Points:
-        slope = np.einsum("nkj,nkd->ndj", self._shape.gradients(at), corners)
-        steep = np.abs(np.linalg.det(slope)) > 1e-12 * np.abs(slope).max() ** slope.shape[1]
-        step = np.zeros_like(at)
-        step[steep] = np.linalg.solve(slope[steep], miss[steep][:, :, None])[:, :, 0]
-        return step
+        """See `CellMap`; far outside its cell a point may have none: NaN."""
+        b, c, d = self._b[cells], self._c[cells], self._d[cells]
+        apart = points - self._a[cells]
+        square, one, zero = -_cross(c, d), _cross(apart, d) - _cross(c, b), _cross(apart, b)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(one**2 - 4.0 * square * zero)
+            eta = -2.0 * zero / (one + np.copysign(root, one))
+            along = b + eta[:, None] * d
+            xi = _dot(apart - eta[:, None] * c, along) / _dot(along, along)
+            # one step of Newton's method takes the round-off of a small square term away
+            miss = apart - xi[:, None] * along - eta[:, None] * c
+            across = c + xi[:, None] * d
+            jacobian = _cross(along, across)
+            xi = xi + _cross(miss, across) / jacobian
+            eta = eta + _cross(along, miss) / jacobian
+        return np.stack([xi, eta], axis=1)
 
     def depth(self, local: Points) -> Floats:
         """See `CellMap`."""
         least: Floats = np.minimum(local, 1.0 - local).min(axis=1, initial=np.inf)
         return np.where(np.isnan(least), -np.inf, least)
+
+
+def _cross(u: Points, v: Points) -> Floats:
+    found: Floats = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    return found
+
+
+def _dot(u: Points, v: Points) -> Floats:
+    found: Floats = u[:, 0] * v[:, 0] + u[:, 1] * v[:, 1]
+    return found
 
 
 def corner_jacobians(mesh: SkfemMesh) -> Floats:
@@ -110,7 +115,7 @@ def corner_jacobians(mesh: SkfemMesh) -> Floats:
 def cell_measures(mesh: SkfemMesh) -> Floats:
     """Return the area (volume) of every cell, shape (ncells,), positive for valid cells."""
     jacobians = np.abs(corner_jacobians(mesh))
-    measure = {3: 0.5, 4: 1.0 if mesh.dim() == 2 else 1.0 / 6.0, 8: 1.0}[mesh.t.shape[0]]
+    measure = (1.0 / mesh.dim()) / (mesh.dim() - 1) if is_simplicial(mesh) else 1.0
     found: Floats = measure * jacobians.mean(axis=1)
     return found
 

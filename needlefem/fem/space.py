@@ -15,7 +15,6 @@ CELLS = {
     (2, 3): "triangle",
     (2, 4): "quadrilateral",
     (3, 4): "tetrahedron",
-    (3, 8): "hexahedron",
 }
 """Cell shapes by dimension and number of corners."""
 
@@ -36,7 +35,7 @@ class Space:
     """
 
     def __init__(self, mesh: SkfemMesh, element: ElementRow) -> None:
-        shape = CELLS[mesh.dim(), mesh.t.shape[0]]
+        shape = CELLS.get((mesh.dim(), mesh.t.shape[0]), "other cell")
         if element.cell != shape:
             remedy = f"use a mesh of {element.cell}s or another element"
             problem = f"{element.name} does not live on {shape}s"
