@@ -13,6 +13,7 @@ Study = Callable[[Scene, "Scene | None"], list[Table]]
 STUDIES = {
     "convergence": "the plan under refinement along the path, for the disc and for a point tip",
     "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
+    "elements": "the plan on every element of the catalogue, and on elements half as large",
     "energy": "the energy ledger by two formulas, over path spacings",
     "independence": "the plan against mesh, path spacing, lateral hold and kernel quadrature",
     "robust": "the plan carried out on another case, and with other parameters",
