@@ -67,6 +67,7 @@ studies: install
 	$(BIN)/needlefem study stability $(RESOLVED)
 	$(BIN)/needlefem study convergence $(RESOLVED)
 	$(BIN)/needlefem study elements $(RESOLVED)
+	$(BIN)/needlefem study extremes $(RESOLVED)
 
 calibrate: install
 	$(BIN)/python cases/prostate-2003/calibrate.py --draws 512 --write

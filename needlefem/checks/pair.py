@@ -107,8 +107,12 @@ def modes(element: ElementRow, material: Material, plane: str) -> list[CheckResu
     ]
 
 
-def _solved(
-    element: ElementRow, material: Material, plane: str, field: Manufactured, divisions: int
+def solve_manufactured(
+    element: ElementRow,
+    material: Material,
+    field: Manufactured,
+    divisions: int,
+    plane: str = "strain",
 ) -> Solution:
     """Solve on a distorted square, one side of which is pulled, the others held."""
     law = plane_split(material, plane)
@@ -133,7 +137,7 @@ def convergence(
     """Refine under a manufactured solution: order and size of the error."""
     field = ISOCHORIC if law.poissons_ratio > 0.45 else GENERAL
     fine = FINE.get(element.degree, FINE[max(FINE)])
-    solved = [_solved(element, material, plane, field, n) for n in (fine // 2, fine)]
+    solved = [solve_manufactured(element, material, field, n, plane) for n in (fine // 2, fine)]
     found = []
     for name, theory, errors in (
         ("L2", element.degree + 1, [s.l2_error(field.displacement) for s in solved]),
@@ -152,14 +156,15 @@ def convergence(
         outcome(
             "accuracy",
             f"the error is at most {LOCKING:g} times that of the interpolant",
-            _over_interpolant(solved[-1], field),
+            over_interpolant(solved[-1], field),
             LOCKING,
         )
     )
     return found
 
 
-def _over_interpolant(solved: Solution, field: Manufactured) -> float:
+def over_interpolant(solved: Solution, field: Manufactured) -> float:
+    """Return the L2 error of a solution over that of the exact field's interpolant."""
     nodal = solved.space.dof_vector(field.displacement(solved.space.nodes))
     least = dataclasses.replace(solved, u=nodal).l2_error(field.displacement)
     return solved.l2_error(field.displacement) / least
@@ -169,11 +174,11 @@ def no_locking(element: ElementRow) -> CheckResult:
     """Check that an element does not lock up to the Poisson's ratio that its row declares."""
     ratio = min(element.poissons_ratio_limit, NEARLY_INCOMPRESSIBLE)
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
-    solved = _solved(element, material, "strain", ISOCHORIC, 16)
+    solved = solve_manufactured(element, material, ISOCHORIC, 16)
     return outcome(
         "no locking",
         f"at its limit, nu {ratio:g}, the error is at most {LOCKING:g} times the interpolant's",
-        _over_interpolant(solved, ISOCHORIC),
+        over_interpolant(solved, ISOCHORIC),
         LOCKING,
     )
 

@@ -15,6 +15,7 @@ STUDIES = {
     "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
     "elements": "the plan on every element of the catalogue, and on elements half as large",
     "energy": "the energy ledger by two formulas, over path spacings",
+    "extremes": "every element under incompressibility, contrast, slivers, needles on mesh lines",
     "independence": "the plan against mesh, path spacing, lateral hold and kernel quadrature",
     "robust": "the plan carried out on another case, and with other parameters",
     "smoothness": "noise of the map from height to miss and depth",
