@@ -67,6 +67,14 @@ class Solution:
         """Return Voigt stresses at reference points of all cells; see `fem.stress`."""
         return stresses(self.space, self.stiffness, self.u, self.pressure, reference)
 
+    def vertex_stress(self, point: Points) -> Floats:
+        """Return the Voigt stress at the vertex nearest to a point: the mean of its cells'."""
+        mesh = self.space.mesh
+        vertex = int(np.argmin(np.sum((mesh.p.T - point) ** 2, axis=1)))
+        corner, cell = np.nonzero(mesh.t == vertex)
+        found: Floats = self.stress(mesh.elem().doflocs)[cell, corner].mean(axis=0)
+        return found
+
 
 class Statics:
     """Equilibrium of a tissue, put together piece by piece.
