@@ -62,3 +62,18 @@ def order_answer(curve: Curve, within: float = 0.15) -> Answer:
         reference=order,
         tolerance=within / order,
     )
+
+
+def no_slower(curve: Curve, within: float = 0.15) -> Answer:
+    """Return the answer that a curve converges at least as fast as theory says.
+
+    For problems where coarse meshes are more than proportionally bad, so that errors fall faster
+    at first.
+    """
+    order = 0.0 if curve.order is None else curve.order
+    return Answer(
+        label=f"{curve.element}: order of {curve.quantity}, no less",
+        value=curve.observed,
+        reference=order - within,
+        at_least=True,
+    )
