@@ -15,12 +15,13 @@ DRAWS := $(BIN)/python -c "from needlefem.output.driver import renderer; rendere
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify lint types unit studies calibrate bench clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
 	@echo "make test       lint, types, verification and tests"
-	@echo "make verify     the reference problems alone"
+	@echo "make verify     all reference problems, with a report in $(OUT)/verification"
+	@echo "make quick      the reference problems on coarse meshes"
 	@echo "make lint       ruff"
 	@echo "make types      mypy"
 	@echo "make studies    every study behind the documentation's tables (half an hour)"
@@ -40,7 +41,7 @@ $(VENV)/installed: pyproject.toml
 plan: install
 	$(BIN)/needlefem plan $(PAPER) --out $(OUT)/prostate-2003
 
-test: lint types verify unit
+test: lint types quick unit
 
 lint: install
 	$(BIN)/ruff check .
@@ -50,7 +51,10 @@ types: install
 	$(BIN)/mypy
 
 verify: install
-	$(BIN)/needlefem verify
+	$(BIN)/needlefem verify --report $(OUT)/verification
+
+quick: install
+	$(BIN)/needlefem verify --quick
 
 unit: install
 	$(BIN)/pytest

@@ -1,6 +1,6 @@
 """Plain tissues for checks and reference problems."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -32,6 +32,16 @@ def mapped_mesh(
     pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
     mesh = box((0.0, 0.0), (1.0, 1.0), divisions, pattern)
     return type(mesh)(np.ascontiguousarray(place(mesh.p.T).T), mesh.t)
+
+
+def joined(parts: Sequence[SkfemMesh]) -> SkfemMesh:
+    """Return one mesh of several that share whole edges: points that coincide become one."""
+    points = np.hstack([part.p for part in parts])
+    starts = np.cumsum([0, *(part.nvertices for part in parts)])
+    cells = np.hstack([part.t + start for part, start in zip(parts, starts, strict=False)])
+    near = np.round(points / np.ptp(points), 9) + 0.0  # -0.0 and 0.0 are one number
+    _, first, number = np.unique(near, axis=1, return_index=True, return_inverse=True)
+    return type(parts[0])(np.ascontiguousarray(points[:, first]), number.ravel()[cells])
 
 
 def distorted_mesh(element: ElementRow, divisions: int, share: float = 0.3) -> SkfemMesh:

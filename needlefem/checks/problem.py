@@ -12,7 +12,7 @@ from needlefem.errors import CaseError, nearest
 from needlefem.fem.statics import Solution
 
 RECORD_TOLERANCE = 1e-8
-"""Relative change against the own record that counts as a change of the code."""
+"""Change against the own record, relative, that counts as a change of the code."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -144,7 +144,7 @@ class Problem:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """An answer with both verdicts; `record` is None where nothing is recorded."""
+    """An answer with both verdicts; `record` is None for what is not worth recording."""
 
     problem: str
     answer: Answer
@@ -213,9 +213,13 @@ def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool =
 
 
 def _same(answer: Answer, record: float | None) -> bool | None:
-    if not answer.recorded or record is None:
+    """Say whether an answer is as recorded; an error (reference 0) is compared as it is."""
+    if not answer.recorded:
         return None
-    return math.isclose(answer.value, record, rel_tol=RECORD_TOLERANCE)
+    if record is None:
+        return False
+    scale = abs(record) if answer.reference else 1.0
+    return abs(answer.value - record) <= RECORD_TOLERANCE * scale
 
 
 def read_records(folder: Path) -> dict[str, float]:

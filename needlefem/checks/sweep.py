@@ -61,6 +61,7 @@ def order_answer(curve: Curve, within: float = 0.15) -> Answer:
         value=curve.observed,
         reference=order,
         tolerance=within / order,
+        recorded=False,
     )
 
 
@@ -76,4 +77,5 @@ def no_slower(curve: Curve, within: float = 0.15) -> Answer:
         value=curve.observed,
         reference=order - within,
         at_least=True,
+        recorded=False,
     )

@@ -96,6 +96,7 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--record", action="store_true", help="keep the answers as own record")
     parser.add_argument("--quick", action="store_true", help="coarse meshes only, within a minute")
+    parser.add_argument("--report", metavar="DIR", help="write an HTML page and JSON there")
 
 
 def _study(parser: argparse.ArgumentParser) -> None:

@@ -1,11 +1,11 @@
 """``needlefem verify``."""
 
 import argparse
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 from needlefem.checks.problem import (
+    Report,
     Verdict,
     load_problems,
     read_records,
@@ -14,6 +14,7 @@ from needlefem.checks.problem import (
 )
 from needlefem.cli.common import say, say_json
 from needlefem.output.files import write_json
+from needlefem.output.verification.page import record, write_report
 from needlefem.table import Table
 
 
@@ -25,30 +26,24 @@ def main(options: argparse.Namespace) -> int:
         return qualify.main(options)
     folder = Path(options.problems)
     records = read_records(folder)
-    verdicts: list[Verdict] = []
-    for problem in load_problems(folder, options.names):
-        verdicts += run_problem(problem, records, quick=options.quick).verdicts
+    problems = load_problems(folder, options.names)
+    reports = [run_problem(problem, records, quick=options.quick) for problem in problems]
+    verdicts = [verdict for report in reports for verdict in report.verdicts]
     if options.record:
         write_json(folder / "records.json", records | records_of(verdicts))
-    table = _table(verdicts)
+    table = _table(reports, verdicts)
     if options.json:
-        say_json([_record(verdict) for verdict in verdicts])
+        say_json(record(reports, quick=options.quick))
     else:
         say(table.text())
+    if options.report:
+        page = write_report(Path(options.report), reports, quick=options.quick)
+        if not options.json:
+            say(f"report: {page}")
     return 0 if table.passed else 1
 
 
-def _record(verdict: Verdict) -> dict[str, object]:
-    return {
-        "problem": verdict.problem,
-        **dataclasses.asdict(verdict.answer),
-        "reference_met": verdict.answer.passed,
-        "record_met": verdict.record,
-        "seconds": verdict.seconds,
-    }
-
-
-def _table(verdicts: Sequence[Verdict]) -> Table:
+def _table(reports: Sequence[Report], verdicts: Sequence[Verdict]) -> Table:
     words = {True: "same", False: "CHANGED", None: "-"}
     rows = [
         [
@@ -63,11 +58,12 @@ def _table(verdicts: Sequence[Verdict]) -> Table:
         ]
         for v in verdicts
     ]
-    seconds = sum({v.problem: v.seconds for v in verdicts}.values())
+    failed = sum(not v.passed for v in verdicts)
+    seconds = sum(report.seconds for report in reports)
     return Table(
         title="reference problems",
         columns=("problem", "answer", "value", "reference", "off", "may be", "reference", "record"),
         rows=rows,
-        passed=all(v.passed for v in verdicts),
-        note=f"{len(verdicts)} answers, {seconds:.1f} s",
+        passed=not failed,
+        note=f"{len(verdicts)} answers, {failed} failed, {seconds:.1f} s",
     )
