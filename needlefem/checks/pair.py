@@ -5,13 +5,12 @@ import dataclasses
 import numpy as np
 from scipy.linalg import eigh
 
-from needlefem.arrays import Floats, Points
-from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
+from needlefem.arrays import Floats
+from needlefem.checks.manufactured import Manufactured
 from needlefem.checks.modal import BOX, box_frequencies, eigenfrequencies, sliding_box
 from needlefem.checks.models import distorted_mesh, rectangle
-from needlefem.checks.result import CheckResult
+from needlefem.checks.result import CheckResult, outcome
 from needlefem.checks.tissue import (
-    NEARLY_INCOMPRESSIBLE,
     patch_error,
     rigid_motion,
     traction_patch_error,
@@ -20,23 +19,14 @@ from needlefem.checks.tissue import (
 from needlefem.elements import ElementRow
 from needlefem.errors import CaseError
 from needlefem.fem.cellmap import refuse_bad_cells
-from needlefem.fem.statics import Solution, Statics
+from needlefem.fem.statics import Statics
 from needlefem.materials import Isotropic, Material, Split, plane_split
 
-LOCKING = 6.0
-"""Error over that of the interpolant beyond which an element is said to lock."""
-FINE = {1: 32, 2: 16}
-"""Divisions of the finer mesh by degree; higher degrees take the last."""
 DISPERSION = {1: 0.3, 2: 5e-3}
 """Relative error of a frequency over ``(wave number times element size)^(2 degree)``.
 
 A quarter above the largest of P1 and P2, the least accurate of their degrees, at nu = 0.45.
 """
-
-
-def outcome(name: str, requirement: str, value: float, bound: float) -> CheckResult:
-    """Return a check's result."""
-    return CheckResult(name=name, requirement=requirement, value=float(value), bound=bound)
 
 
 def patches(element: ElementRow, material: Material, plane: str, law: Split) -> list[CheckResult]:
@@ -105,82 +95,6 @@ def modes(element: ElementRow, material: Material, plane: str) -> list[CheckResu
         ),
         rigid_motion(model),
     ]
-
-
-def solve_manufactured(
-    element: ElementRow,
-    material: Material,
-    field: Manufactured,
-    divisions: int,
-    plane: str = "strain",
-) -> Solution:
-    """Solve on a distorted square, one side of which is pulled, the others held."""
-    law = plane_split(material, plane)
-    # the field of an incompressible law keeps its volume, and needs no pressure
-    stiffness = law.shape if law.compressibility == 0.0 else law.stiffness
-    number = np.array([[0, 2], [2, 1]])
-    tangent = stiffness[number[:, :, None, None], number[None, None]]
-
-    def traction(points: Points, normals: Points) -> Floats:
-        found: Floats = np.einsum("ijkl,nkl,nj->ni", tangent, field.gradient(points), normals)
-        return found
-
-    problem = Statics(distorted_mesh(element, divisions, 0.2), element, material, plane)
-    problem.hold(lambda x: x[:, 0] < 1.0 - 1e-9, field.displacement)
-    problem.push(traction, lambda x: x[:, 0] > 1.0 - 1e-9)
-    return problem.body(field.body_force(stiffness)).solve()
-
-
-def convergence(
-    element: ElementRow, material: Material, plane: str, law: Split
-) -> list[CheckResult]:
-    """Refine under a manufactured solution: order and size of the error."""
-    field = ISOCHORIC if law.poissons_ratio > 0.45 else GENERAL
-    fine = FINE.get(element.degree, FINE[max(FINE)])
-    solved = [solve_manufactured(element, material, field, n, plane) for n in (fine // 2, fine)]
-    found = []
-    for name, theory, errors in (
-        ("L2", element.degree + 1, [s.l2_error(field.displacement) for s in solved]),
-        ("H1", element.degree, [s.h1_error(field.gradient) for s in solved]),
-    ):
-        order = float(np.log2(errors[0] / errors[1]))
-        found.append(
-            outcome(
-                f"order, {name}",
-                f"the error in {name} falls with power {theory} of the element size",
-                abs(order - theory),
-                0.15,
-            )
-        )
-    found.append(
-        outcome(
-            "accuracy",
-            f"the error is at most {LOCKING:g} times that of the interpolant",
-            over_interpolant(solved[-1], field),
-            LOCKING,
-        )
-    )
-    return found
-
-
-def over_interpolant(solved: Solution, field: Manufactured) -> float:
-    """Return the L2 error of a solution over that of the exact field's interpolant."""
-    nodal = solved.space.dof_vector(field.displacement(solved.space.nodes))
-    least = dataclasses.replace(solved, u=nodal).l2_error(field.displacement)
-    return solved.l2_error(field.displacement) / least
-
-
-def no_locking(element: ElementRow) -> CheckResult:
-    """Check that an element does not lock up to the Poisson's ratio that its row declares."""
-    ratio = min(element.poissons_ratio_limit, NEARLY_INCOMPRESSIBLE)
-    material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
-    solved = solve_manufactured(element, material, ISOCHORIC, 16)
-    return outcome(
-        "no locking",
-        f"at its limit, nu {ratio:g}, the error is at most {LOCKING:g} times the interpolant's",
-        over_interpolant(solved, ISOCHORIC),
-        LOCKING,
-    )
 
 
 def masses(element: ElementRow, material: Material, plane: str) -> list[CheckResult]:

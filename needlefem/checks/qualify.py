@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.checks import pair
+from needlefem.checks import accuracy, pair
 from needlefem.checks.law import check_law
-from needlefem.checks.result import CheckResult
+from needlefem.checks.result import CheckResult, outcome
 from needlefem.checks.shape import check_shape
 from needlefem.checks.tissue import NEARLY_INCOMPRESSIBLE
 from needlefem.elements import ElementRow
@@ -40,17 +40,15 @@ def qualify(
 def _together(element: ElementRow, material: Material, plane: str) -> list[CheckResult]:
     law = plane_split(material, plane)
     if element.definite and law.compressibility == 0.0:
-        return [
-            pair.outcome("incompressibility", "an incompressible law meets a mixed element", 1.0, 0)
-        ]
+        return [outcome("incompressibility", "an incompressible law meets a mixed element", 1.0, 0)]
     mild = material
     if law.compressibility == 0.0:  # what changes its volume needs a volume that can change
         mild = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
     found = [
         *pair.patches(element, mild, plane, plane_split(mild, plane)),
         *pair.modes(element, mild, plane),
-        *pair.convergence(element, material, plane, law),
-        pair.no_locking(element),
+        *accuracy.convergence(element, material, plane, law),
+        accuracy.no_locking(element),
         *pair.masses(element, material, plane),
         pair.bad_cells_refused(element),
     ]

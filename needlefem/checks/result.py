@@ -27,3 +27,8 @@ class CheckResult:
     def passed(self) -> bool:
         """Whether the value is within the bound (NaN never is)."""
         return self.value <= self.bound
+
+
+def outcome(name: str, requirement: str, value: float, bound: float) -> CheckResult:
+    """Return a check's result."""
+    return CheckResult(name=name, requirement=requirement, value=float(value), bound=bound)

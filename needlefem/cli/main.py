@@ -29,6 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     options = _parser().parse_args(arguments)
     try:
+        if options.allow_code:
+            import_module("needlefem.foreign").allow()
         command = import_module(f"needlefem.cli.{options.command}")
         return int(command.main(options))
     except NeedlefemError as error:
@@ -49,6 +51,10 @@ def _parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=sentence, description=sentence)
         sub.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
         sub.add_argument("--debug", action="store_true", help="show a traceback with an error")
+        sub.add_argument(
+            "--allow-code", action="store_true",
+            help="run code of yours that a case or option names as module:Name",
+        )  # fmt: skip
         _OPTIONS[name](sub)
     return parser
 

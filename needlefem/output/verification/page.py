@@ -26,7 +26,7 @@ h2 { border-top: 1px solid var(--faint); padding-top: 1.2rem; margin-top: 2.2rem
 table { border-collapse: collapse; font-size: 13px; width: 100%; }
 th, td { text-align: left; padding: 2px 10px 2px 0; border-bottom: 1px solid var(--faint);
   vertical-align: top; }
-td.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .good { color: var(--good); } .bad { color: var(--bad); font-weight: 600; }
 .charts { display: flex; flex-wrap: wrap; gap: 12px; margin: 1rem 0; }
 .charts svg { width: 560px; max-width: 100%; background: var(--chart); border: 1px solid #d8d8dc; }
@@ -126,7 +126,10 @@ def _overview(reports: Sequence[Report]) -> str:
             f"{escape(problem.name)}</a></td><td>{escape(problem.reference)}</td>"
             f'<td class="number">{len(report.verdicts)}</td>{word}</tr>'
         )
-    head = "<tr><th>requirement</th><th>problem</th><th>reference</th><th>answers</th><th></th>"
+    head = (
+        "<tr><th>requirement</th><th>problem</th><th>reference</th>"
+        '<th class="number">answers</th><th></th>'
+    )
     return f"<table>{head}</tr>{''.join(rows)}</table>"
 
 
@@ -145,8 +148,9 @@ def _problem(report: Report) -> str:
     listed = "".join(f"<dt>{key}</dt><dd>{escape(text)}</dd>" for key, text in facts.items())
     rows = "".join(map(_row, report.verdicts))
     head = (
-        "<tr><th>answer</th><th>value</th><th>reference</th><th>off</th><th>may be</th>"
-        "<th>reference</th><th>record</th></tr>"
+        '<tr><th>answer</th><th class="number">value</th><th class="number">reference</th>'
+        '<th class="number">off</th><th class="number">may be</th><th>reference</th>'
+        "<th>record</th></tr>"
     )
     return (
         f'<h2 id="{_anchor(report)}">{escape(problem.name)}</h2><dl>{listed}</dl>'
@@ -192,7 +196,10 @@ def _charts(curves: Sequence[Curve]) -> str:
 def _shapes(report: Report) -> str:
     parts = []
     for shape in report.findings.shapes:
-        title = f"{shape.title}: displacement x {shape.magnified:g}; outline before the load"
+        title = (
+            f"{shape.title}: displacement x {shape.magnified:g}, its size by colour; "
+            "the outline is that before the load"
+        )
         try:
             image = f'<img alt="{escape(title, quote=True)}" src="{picture(shape)}">'
         except NoRendererError as error:

@@ -40,9 +40,8 @@ def picture(shape: Shape) -> str:
         line_width=0.6,
         lighting=False,
         scalar_bar_args={
-            "title": "|u|", "n_labels": 3, "fmt": "%.3g", "color": "#202020",
-            "title_font_size": 22, "label_font_size": 20, "vertical": True,
-            "position_x": 0.87, "position_y": 0.2, "height": 0.6, "width": 0.05,
+            "title": "", "n_labels": 3, "fmt": "%.3g", "color": "#202020", "label_font_size": 22,
+            "vertical": True, "position_x": 0.85, "position_y": 0.2, "height": 0.6, "width": 0.06,
         },
     )  # fmt: skip
     _outline(pv, plotter, mesh)

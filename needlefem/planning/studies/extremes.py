@@ -7,9 +7,9 @@ or the element's row in the catalogue must say that it is not made for this.
 import numpy as np
 
 from needlefem.arrays import Floats, SkfemMesh
+from needlefem.checks.accuracy import LOCKING, over_interpolant, solve_manufactured
 from needlefem.checks.manufactured import ISOCHORIC
 from needlefem.checks.models import mapped_mesh
-from needlefem.checks.pair import LOCKING, over_interpolant, solve_manufactured
 from needlefem.checks.tissue import patch_error
 from needlefem.elements import CATALOGUE, ElementRow
 from needlefem.errors import CaseError

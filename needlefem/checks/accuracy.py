@@ -1,0 +1,97 @@
+"""How accurate an element is with a law: order and size of the error, locking."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem.arrays import Floats, Points
+from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
+from needlefem.checks.models import distorted_mesh
+from needlefem.checks.result import CheckResult, outcome
+from needlefem.checks.tissue import NEARLY_INCOMPRESSIBLE
+from needlefem.elements import ElementRow
+from needlefem.fem.statics import Solution, Statics
+from needlefem.materials import Isotropic, Material, Split, plane_split
+
+LOCKING = 6.0
+"""Error over that of the interpolant beyond which an element is said to lock."""
+ORDER_WITHIN = 0.15
+"""Largest distance of an observed order of convergence from that of theory."""
+FINE = {1: 32, 2: 16}
+"""Divisions of the finer mesh by degree; higher degrees take the last."""
+
+
+def solve_manufactured(
+    element: ElementRow,
+    material: Material,
+    field: Manufactured,
+    divisions: int,
+    plane: str = "strain",
+) -> Solution:
+    """Solve on a distorted square, one side of which is pulled, the others held."""
+    law = plane_split(material, plane)
+    # the field of an incompressible law keeps its volume, and needs no pressure
+    stiffness = law.shape if law.compressibility == 0.0 else law.stiffness
+    number = np.array([[0, 2], [2, 1]])
+    tangent = stiffness[number[:, :, None, None], number[None, None]]
+
+    def traction(points: Points, normals: Points) -> Floats:
+        found: Floats = np.einsum("ijkl,nkl,nj->ni", tangent, field.gradient(points), normals)
+        return found
+
+    problem = Statics(distorted_mesh(element, divisions, 0.2), element, material, plane)
+    problem.hold(lambda x: x[:, 0] < 1.0 - 1e-9, field.displacement)
+    problem.push(traction, lambda x: x[:, 0] > 1.0 - 1e-9)
+    return problem.body(field.body_force(stiffness)).solve()
+
+
+def convergence(
+    element: ElementRow, material: Material, plane: str, law: Split
+) -> list[CheckResult]:
+    """Refine under a manufactured solution: order and size of the error."""
+    field = ISOCHORIC if law.poissons_ratio > 0.45 else GENERAL
+    theory = np.array([element.degree + 1.0, element.degree])
+    fine = FINE.get(element.degree, FINE[max(FINE)])
+    solved = [solve_manufactured(element, material, field, n, plane) for n in (fine // 2, fine)]
+    accuracy = over_interpolant(solved[-1], field)
+    errors = [_errors(one, field) for one in solved]
+    for count in (2 * fine, 4 * fine):  # the order is that of fine meshes: some need finer ones
+        if np.all(np.abs(np.log2(errors[-2] / errors[-1]) - theory) <= ORDER_WITHIN):
+            break
+        errors.append(_errors(solve_manufactured(element, material, field, count, plane), field))
+    off = np.abs(np.log2(errors[-2] / errors[-1]) - theory)
+    found = [
+        outcome(
+            f"order, {name}",
+            f"the error in {name} falls with power {order:g} of the element size",
+            value,
+            ORDER_WITHIN,
+        )
+        for name, order, value in zip(("L2", "H1"), theory, off, strict=True)
+    ]
+    sentence = f"the error is at most {LOCKING:g} times that of the interpolant"
+    return [*found, outcome("accuracy", sentence, accuracy, LOCKING)]
+
+
+def _errors(solved: Solution, field: Manufactured) -> Floats:
+    return np.array([solved.l2_error(field.displacement), solved.h1_error(field.gradient)])
+
+
+def over_interpolant(solved: Solution, field: Manufactured) -> float:
+    """Return the L2 error of a solution over that of the exact field's interpolant."""
+    nodal = solved.space.dof_vector(field.displacement(solved.space.nodes))
+    least = dataclasses.replace(solved, u=nodal).l2_error(field.displacement)
+    return solved.l2_error(field.displacement) / least
+
+
+def no_locking(element: ElementRow) -> CheckResult:
+    """Check that an element does not lock up to the Poisson's ratio that its row declares."""
+    ratio = min(element.poissons_ratio_limit, NEARLY_INCOMPRESSIBLE)
+    material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
+    solved = solve_manufactured(element, material, ISOCHORIC, 16)
+    return outcome(
+        "no locking",
+        f"at its limit, nu {ratio:g}, the error is at most {LOCKING:g} times the interpolant's",
+        over_interpolant(solved, ISOCHORIC),
+        LOCKING,
+    )
