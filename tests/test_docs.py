@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from needlefem.casefile.describe import describe
+from needlefem.materials.tissues import describe_tissues
 from needlefem.planning.studies import STUDIES
 from needlefem.units import UNITS
 
@@ -41,3 +42,7 @@ def test_readme_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_is_documented(name: str) -> None:
     assert any(f"study {name}" in page.read_text() for page in PAGES)
+
+
+def test_the_table_of_tissues_is_the_packages_own() -> None:
+    assert (ROOT / "docs" / "tissues.md").read_text().endswith(describe_tissues())
