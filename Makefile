@@ -80,6 +80,7 @@ bench: install
 	$(BIN)/needlefem bench process $(PAPER)
 	$(BIN)/needlefem bench plan $(PAPER)
 	$(BIN)/needlefem bench plan $(RESOLVED)
+	$(BIN)/needlefem bench solvers $(RESOLVED)
 
 clean:
 	rm -rf $(VENV) $(OUT)

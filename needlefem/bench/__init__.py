@@ -11,6 +11,7 @@ Benchmark = Callable[[str], Table]
 
 BENCHMARKS = {
     "plan": "stages of a plan in milliseconds and in back-substitutions of its own model",
+    "solvers": "orders of the factorisation, for definite and for mixed elements",
     "process": "the whole plan command against importing scikit-fem",
 }
 

@@ -1,12 +1,15 @@
 """Factorisations of the step operator behind one interface."""
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse.linalg import splu
 
 from needlefem.arrays import Floats, Sparse
 from needlefem.errors import SimulationError
+
+PIVOT = 0.1
+"""Least size of a pivot on the diagonal, relative to its column, in indefinite matrices."""
 
 
 class Factor(Protocol):
@@ -20,9 +23,10 @@ class Factor(Protocol):
 def factorise(matrix: Sparse, *, definite: bool = True) -> Factor:
     """Factorise a symmetric sparse matrix, positive definite unless said otherwise.
 
-    A definite matrix: SuperLU without pivoting, in the minimum-degree order of A + A^T, half the
-    fill of its default. An indefinite one needs pivots, and its default order: the other fills
-    five times as much there (both measured in docs/performance.md).
+    SuperLU in the minimum-degree order of A + A^T: half the fill of its default, for definite
+    matrices without pivots, and a third for indefinite ones with a pivot off the diagonal where
+    that is less than a tenth of its column (``needlefem bench solvers``). It takes a matrix whose
+    rows are alike in size.
 
     Raises
     ------
@@ -31,13 +35,13 @@ def factorise(matrix: Sparse, *, definite: bool = True) -> Factor:
     """
     if not np.all(np.isfinite(matrix.data)):
         raise SimulationError("the system matrix has entries that are not finite")
-    symmetric: dict[str, Any] = {
-        "permc_spec": "MMD_AT_PLUS_A",
-        "diag_pivot_thresh": 0.0,
-        "options": {"SymmetricMode": True},
-    }
     try:
-        found: Factor = splu(matrix.tocsc(), **(symmetric if definite else {}))
+        found: Factor = splu(
+            matrix.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0 if definite else PIVOT,
+            options={"SymmetricMode": True},
+        )
     except RuntimeError as error:
         raise SimulationError(f"the system matrix can't be factorised: {error}") from error
     return found

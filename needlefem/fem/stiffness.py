@@ -145,17 +145,26 @@ class Stiffness:
         CaseError
             Incompressible tissue is enclosed on all sides.
         """
+        system, scale = self.system(free, stiffness, mass)
+        if self._element.definite:
+            return factorise(system)
+        pressures = system.shape[0] - len(free)
+        return _MixedFactor(factorise(system, definite=False), len(free), pressures, scale)
+
+    def system(
+        self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None
+    ) -> tuple[Sparse, float]:
+        """Return the matrix that `factor` factorises, and the unit of its pressures."""
         matrix = stiffness * self.matrix if mass is None else stiffness * self.matrix + mass
         block = matrix.tocsr()[free][:, free]
         if self._element.definite:
-            return factorise(block)
+            return block, 1.0
         coupling = self.coupling.tocsr()[:, free]
         self._refuse_enclosed(coupling)
         # a pressure in units that make both kinds of rows alike keeps pivots and digits
         scale = float(np.abs(block.data).mean() / np.abs(coupling.data).mean())
         volume = self.volume * (scale**2 / stiffness)
-        system = block_array([[block, scale * coupling.T], [scale * coupling, -volume]])
-        return _MixedFactor(factorise(system, definite=False), len(free), coupling.shape[0], scale)
+        return block_array([[block, scale * coupling.T], [scale * coupling, -volume]]), scale
 
     def _refuse_enclosed(self, coupling: Sparse) -> None:
         if self.compressibility.max() > 0.0:
