@@ -11,7 +11,7 @@ from needlefem.planning.studies import STUDIES
 from needlefem.units import UNITS
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def test_the_table_of_keys_is_the_packages_own() -> None:
