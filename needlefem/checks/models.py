@@ -1,12 +1,14 @@
 """Plain tissues for checks and reference problems."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from needlefem.arrays import Points, SkfemMesh
 from needlefem.elements import ElementRow
-from needlefem.fem.mesh import BACKGROUND, box, name_faces, name_regions
+from needlefem.elements.quadrature import gauss, simplex
+from needlefem.fem.mesh import BACKGROUND, box, curved, name_faces, name_regions
 from needlefem.fem.model import Model
 from needlefem.materials import Material
 from needlefem.scene import Support
@@ -23,15 +25,27 @@ def square_mesh(
 
 
 def mapped_mesh(
-    element: ElementRow, divisions: tuple[int, int], place: Callable[[Points], Points]
+    element: ElementRow,
+    divisions: tuple[int, int],
+    place: Callable[[Points], Points],
+    *,
+    bent: bool = False,
 ) -> SkfemMesh:
     """Return the unit square's grid moved by a function of its points, (n, 2) to (n, 2).
 
-    Polar coordinates, a tapered panel, a graded square: anything with four sides.
+    Polar coordinates, a tapered panel, a graded square: anything with four sides. `bent` also
+    moves the middles of edges, so that cells follow curved sides.
     """
     pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
     mesh = box((0.0, 0.0), (1.0, 1.0), divisions, pattern)
+    mesh = curved(mesh) if bent else mesh
     return type(mesh)(np.ascontiguousarray(place(mesh.p.T).T), mesh.t)
+
+
+def for_bent_cells(element: ElementRow) -> ElementRow:
+    """Return the element with a finer rule: on curved cells its own is a reduced integration."""
+    rule = simplex(6) if element.cell == "triangle" else gauss(4)
+    return dataclasses.replace(element, stiffness_rule=rule)
 
 
 def joined(parts: Sequence[SkfemMesh]) -> SkfemMesh:

@@ -32,7 +32,10 @@ def is_simplicial(mesh: SkfemMesh) -> bool:
 
 
 def cell_map(mesh: SkfemMesh) -> CellMap:
-    """Return the map of a mesh with straight edges."""
+    """Return the map of a mesh with straight edges; raise a `CaseError` for curved ones."""
+    if mesh.p.shape[1] != len(np.unique(mesh.t)):
+        remedy = "use straight edges where points are looked for"
+        raise CaseError("mesh", "points can't be found in cells with curved edges", remedy)
     return AffineMap(mesh) if is_simplicial(mesh) else BilinearMap(mesh)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from skfem import MeshQuad, MeshTri
+from skfem import MeshQuad, MeshQuad2, MeshTri, MeshTri2
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.contour import Contour
@@ -60,6 +60,15 @@ def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
     corners = [(0, 0, 2), (1, 1, 0), (2, 2, 1)]  # corner, the edge after it, the edge before it
     cells = [np.array([mesh.t[c], middle[a], centre, middle[b]]) for c, a, b in corners]
     return MeshQuad(points, np.hstack(cells))
+
+
+def curved(mesh: SkfemMesh) -> SkfemMesh:
+    """Return the mesh with a node in the middle of every edge (and quadrilateral) as well.
+
+    Moved onto a curve they bend the edges. Such meshes serve statics; a needle does not find its
+    cells there.
+    """
+    return (MeshTri2 if is_simplicial(mesh) else MeshQuad2).from_mesh(mesh)
 
 
 def cell_sizes(mesh: SkfemMesh) -> Floats:

@@ -67,12 +67,29 @@ class Solution:
         """Return Voigt stresses at reference points of all cells; see `fem.stress`."""
         return stresses(self.space, self.stiffness, self.u, self.pressure, reference)
 
+    def at_vertices(self) -> Points:
+        """Return the displacement of the mesh's points, shape (npoints, dim), m.
+
+        Zero at points that are no vertices (the middles of curved edges).
+        """
+        mesh = self.space.mesh
+        found = np.zeros((mesh.p.shape[1], mesh.dim()))
+        found[mesh.t.T] = self.space.nodal(self.u)[self.space.cell_nodes[:, : len(mesh.t)]]
+        return found
+
+    def vertex(self, point: Points) -> int:
+        """Return the number of the vertex nearest to a point."""
+        mesh = self.space.mesh
+        vertices = np.unique(mesh.t)
+        away = np.sum((mesh.p[:, vertices].T - point) ** 2, axis=1)
+        return int(vertices[np.argmin(away)])
+
     def vertex_stress(self, point: Points) -> Floats:
         """Return the Voigt stress at the vertex nearest to a point: the mean of its cells'."""
         mesh = self.space.mesh
-        vertex = int(np.argmin(np.sum((mesh.p.T - point) ** 2, axis=1)))
-        corner, cell = np.nonzero(mesh.t == vertex)
-        found: Floats = self.stress(mesh.elem().doflocs)[cell, corner].mean(axis=0)
+        corner, cell = np.nonzero(mesh.t == self.vertex(point))
+        corners = mesh.elem().doflocs[: len(mesh.t)]
+        found: Floats = self.stress(corners)[cell, corner].mean(axis=0)
         return found
 
 

@@ -24,7 +24,7 @@ def picture(shape: Shape) -> str:
     """
     pv = renderer()
     mesh = shape.solution.space.mesh
-    moved = shape.solution.at(mesh.p.T)
+    moved = shape.solution.at_vertices()
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), border=False)
     plotter.set_background("white")
     cells = mesh.t.T
