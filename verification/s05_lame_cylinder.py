@@ -192,7 +192,7 @@ PROBLEM = Problem(
     "ratio that the element is made for; stresses that would be wrong are refused.",
     reference="exact, plane strain; G. Lame 1852",
     why="1 % (Q1, Q1-Bbar) and 0.1 % (P2, Q2) with 216 displacements, 0.1 % (P2-P1, Q2-Q1) with "
-    "251 unknowns near incompressibility; orders within 0.15; errors that another code has to the two "
-    "digits given; two digits of the error of P2-P1 stay as nu nears 1/2",
+    "251 unknowns near incompressibility; orders within 0.15; errors that another code has to "
+    "the two digits given; two digits of the error of P2-P1 stay as nu nears 1/2",
     run=run,
 )

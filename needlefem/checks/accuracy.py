@@ -6,7 +6,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Points
 from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
-from needlefem.checks.models import distorted_mesh
+from needlefem.checks.models import distorted_mesh, mapped_mesh
 from needlefem.checks.result import CheckResult, outcome
 from needlefem.checks.tissue import NEARLY_INCOMPRESSIBLE
 from needlefem.elements import ElementRow
@@ -95,3 +95,27 @@ def no_locking(element: ElementRow) -> CheckResult:
         over_interpolant(solved, ISOCHORIC),
         LOCKING,
     )
+
+
+def two_material_bar(
+    element: ElementRow, contrast: float, stress: float = 2.0
+) -> tuple[float, float]:
+    """Return the end's displacement of a pressed bar, one half of which is stiffer, and the exact.
+
+    Uniaxial strain: ``stress (L1 / M1 + L2 / M2)`` with ``M = lambda + 2 mu``.
+    """
+    mesh = mapped_mesh(element, (8, 4), lambda square: square)
+    left = np.flatnonzero(mesh.p[0, mesh.t].mean(axis=0) < 0.5)
+    right = np.setdiff1d(np.arange(mesh.nelements), left)
+    laws = {
+        "left": Isotropic(youngs_modulus=1.0, poissons_ratio=0.3),
+        "right": Isotropic(youngs_modulus=contrast, poissons_ratio=0.3),
+    }
+    named = mesh.with_subdomains({"left": left, "right": right})
+    problem = Statics(named, element, laws)
+    problem.hold(lambda x: x[:, 0] < 1e-9, axes=[0])
+    problem.hold(lambda x: np.abs(x[:, 1] - 0.5) > 0.5 - 1e-9, axes=[1])
+    problem.push(lambda _, normals: stress * normals, lambda x: x[:, 0] > 1.0 - 1e-9)
+    moved = float(problem.solve().at(np.array([[1.0, 0.5]]))[0, 0])
+    moduli = [law.lame()[0] + 2.0 * law.lame()[1] for law in laws.values()]
+    return moved, stress * (0.5 / moduli[0] + 0.5 / moduli[1])

@@ -7,13 +7,17 @@ or the element's row in the catalogue must say that it is not made for this.
 import numpy as np
 
 from needlefem.arrays import Floats, SkfemMesh
-from needlefem.checks.accuracy import LOCKING, over_interpolant, solve_manufactured
+from needlefem.checks.accuracy import (
+    LOCKING,
+    over_interpolant,
+    solve_manufactured,
+    two_material_bar,
+)
 from needlefem.checks.manufactured import ISOCHORIC
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.tissue import patch_error
 from needlefem.elements import CATALOGUE, ElementRow
 from needlefem.errors import CaseError
-from needlefem.fem.statics import Statics
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic
@@ -76,22 +80,8 @@ def _locking(element: ElementRow, ratio: float) -> float:
 
 def _contrast(element: ElementRow, contrast: float) -> float:
     """Return the relative error of a pressed bar, one half of which is stiffer."""
-    mesh = mapped_mesh(element, (8, 4), lambda p: p)
-    left = np.flatnonzero(mesh.p[0, mesh.t].mean(axis=0) < 0.5)
-    right = np.setdiff1d(np.arange(mesh.nelements), left)
-    named = mesh.with_subdomains({"left": left, "right": right})
-    laws = {
-        "left": Isotropic(youngs_modulus=1.0, poissons_ratio=0.3),
-        "right": Isotropic(youngs_modulus=contrast, poissons_ratio=0.3),
-    }
-    problem = Statics(named, element, laws)
-    problem.hold(lambda x: x[:, 0] < 1e-9, axes=[0]).hold(lambda x: np.abs(x[:, 1] - 0.5) > 0.499,
-                                                          axes=[1])  # fmt: skip
-    problem.push(lambda _, n: n, lambda x: x[:, 0] > 1.0 - 1e-9)
-    moved = problem.solve().at(np.array([[1.0, 0.5]]))[0, 0]
-    moduli = [law.lame()[0] + 2.0 * law.lame()[1] for law in laws.values()]
-    exact = 0.5 / moduli[0] + 0.5 / moduli[1]
-    return abs(float(moved) / exact - 1.0)
+    moved, exact = two_material_bar(element, contrast)
+    return abs(moved / exact - 1.0)
 
 
 def _sliver_mesh(element: ElementRow, aspect: float) -> SkfemMesh:

@@ -69,29 +69,27 @@ def target_table(scene: Scene, targets: Points) -> TargetTable:
     return TargetTable(tuple(Planner(simulation, target).plan() for target in targets))
 
 
+def _row(plan: Plan, golden: Plan) -> list[object]:
+    return [
+        *(100.0 * plan.target).tolist(),
+        100.0 * _error(plan.unplanned),
+        100.0 * _error(plan.best),
+        plan.insertions,
+        100.0 * _error(golden.best),
+        golden.insertions,
+        len(plan.insertion.snaps),
+        plan.status,
+    ]
+
+
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     """Return a row a target: errors without and with a plan, and what either search costs."""
     del other
     targets = draw_targets(scene)
     found = target_table(scene, targets)
     golden = Simulation(scene)
-    rows: list[list[object]] = []
-    spent = []
-    for plan in found.plans:
-        by_golden = Planner(golden, plan.target).plan("golden")
-        spent.append(by_golden.insertions)
-        rows.append(
-            [
-                *(100.0 * plan.target).tolist(),
-                100.0 * _error(plan.unplanned),
-                100.0 * _error(plan.best),
-                plan.insertions,
-                100.0 * _error(by_golden.best),
-                by_golden.insertions,
-                len(plan.insertion.snaps),
-                plan.status,
-            ]
-        )
+    by_golden = [Planner(golden, plan.target).plan("golden") for plan in found.plans]
+    rows = [_row(*pair) for pair in zip(found.plans, by_golden, strict=True)]
     summary = {
         "unplanned_mean": found.unplanned_mean,
         "unplanned_sd": found.unplanned_sd,
@@ -99,7 +97,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         "unsolved": len(found.unsolved),
         "snaps": sum(len(plan.insertion.snaps) for plan in found.plans),
         "most_insertions": max(plan.insertions for plan in found.plans),
-        "golden_insertions": max(spent),
+        "golden_insertions": max(plan.insertions for plan in by_golden),
     }
     return [
         Table(
