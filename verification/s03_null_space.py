@@ -1,9 +1,15 @@
 """S3: an unsupported tissue has exactly three motions that cost nothing."""
 
-from needlefem.checks.models import rectangle
+import dataclasses
+
+import numpy as np
+
+from needlefem.checks.models import distorted_mesh, rectangle
 from needlefem.checks.problem import Answer, Findings, Problem
-from needlefem.checks.tissue import rigid_motion, zero_modes
+from needlefem.checks.tissue import rigid_motion, spectrum, zero_modes
 from needlefem.elements import CATALOGUE
+from needlefem.elements.quadrature import gauss
+from needlefem.fem.statics import Statics
 from needlefem.materials import Isotropic
 
 
@@ -22,7 +28,21 @@ def run(quick: bool) -> Findings:
             tolerance=1e-12,
             recorded=False,
         )
-        answers += [modes, force]
+        gap = Answer(
+            label=f"{name}: smallest other eigenvalue",
+            value=float(spectrum(model.stiffness)[3]),
+            reference=1e-3,
+            at_least=True,
+        )
+        answers += [modes, gap, force]
+    # on a regular mesh one more motion is blind
+    blind = dataclasses.replace(CATALOGUE["Q1"], name="X", stiffness_rule=gauss(1))
+    law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
+    values = spectrum(Statics(distorted_mesh(blind, 4), blind, law).stiffness)
+    answers.append(
+        Answer(label="Q1 with one point: zero modes, two of them hourglasses",
+               value=int(np.sum(np.abs(values) < 1e-12)), reference=5.0)
+    )  # fmt: skip
     return Findings(answers=answers)
 
 

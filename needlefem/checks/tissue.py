@@ -8,6 +8,7 @@ from needlefem.elements import ElementRow
 from needlefem.fem.cellmap import cell_corners, cell_measures, corner_jacobians
 from needlefem.fem.model import Model
 from needlefem.fem.statics import Solution, Statics
+from needlefem.fem.stiffness import Stiffness
 from needlefem.materials import Isotropic, Material, plane_split, split
 from needlefem.materials.voigt import IN_PLANE, strain, tensor
 
@@ -117,11 +118,17 @@ def rigid_motion(model: Model) -> CheckResult:
     )
 
 
+def spectrum(stiffness: Stiffness) -> Floats:
+    """Return the eigenvalues of K, unsupported, over the largest, rising (small problems)."""
+    dense = stiffness.dense()
+    values: Floats = np.linalg.eigvalsh(0.5 * (dense + dense.T))
+    scaled: Floats = values / values[-1]
+    return scaled
+
+
 def zero_modes(model: Model) -> int:
     """Return how many eigenvalues of K, unsupported, are zero (below 1e-12 of the largest)."""
-    dense = model.stiffness.dense()
-    values = np.linalg.eigvalsh(0.5 * (dense + dense.T))
-    return int(np.sum(np.abs(values) < 1e-12 * values[-1]))
+    return int(np.sum(np.abs(spectrum(model.stiffness)) < 1e-12))
 
 
 def _mean_load(model: Model, point: Vector, direction: Vector) -> Floats:
