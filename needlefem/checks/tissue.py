@@ -121,9 +121,8 @@ def rigid_motion(model: Model) -> CheckResult:
 def spectrum(stiffness: Stiffness) -> Floats:
     """Return the eigenvalues of K, unsupported, over the largest, rising (small problems)."""
     dense = stiffness.dense()
-    values: Floats = np.linalg.eigvalsh(0.5 * (dense + dense.T))
-    scaled: Floats = values / values[-1]
-    return scaled
+    values = np.linalg.eigvalsh(0.5 * (dense + dense.T))
+    return np.asarray(values / values[-1], dtype=float)
 
 
 def zero_modes(model: Model) -> int:
