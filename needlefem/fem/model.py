@@ -14,7 +14,7 @@ from needlefem.fem.factor import Factor
 from needlefem.fem.shapes import ShapeTable
 from needlefem.fem.space import Space
 from needlefem.fem.stiffness import Stiffness
-from needlefem.materials import Material, plane_split, split
+from needlefem.materials import Material, Split, plane_split, split
 from needlefem.scene import Support
 
 
@@ -35,6 +35,8 @@ class Model(Space):
         Names of the axes.
     plane : str
         Plane 'strain' or plane 'stress' (2D only).
+    floating : bool
+        Rigid motions may be free, for modes and dynamics.
 
     Raises
     ------
@@ -51,13 +53,15 @@ class Model(Space):
         axes: tuple[str, ...],
         *,
         plane: str = "strain",
+        floating: bool = False,
     ) -> None:
         super().__init__(mesh, element)
         self.axes, self.plane = axes, plane
         self.materials, self.supports = materials, supports
         self.held_dofs = self._held_dofs()
         self.free_dofs: Ints = np.setdiff1d(np.arange(self.ndofs), self.held_dofs)
-        self._refuse_rigid_motion()
+        if not floating:
+            self._refuse_rigid_motion()
 
     def _held_dofs(self) -> Ints:
         held = [np.zeros(0, dtype=np.intp)]
@@ -115,11 +119,14 @@ class Model(Space):
     @cached_property
     def stiffness(self) -> Stiffness:
         """K of the whole tissue, supported or not."""
-        if self.dim == 3:
-            splits = [split(material) for material in self.materials.values()]
-        else:
-            splits = [plane_split(material, self.plane) for material in self.materials.values()]
-        return Stiffness(self, splits, self.cell_materials)
+        return Stiffness(self, [part for part, _ in self.laws()], self.cell_materials)
+
+    def laws(self) -> list[tuple[Split, float]]:
+        """Return law and density of every subdomain, in the order of `materials`."""
+        return [
+            (split(law) if self.dim == 3 else plane_split(law, self.plane), float(law.density))
+            for law in self.materials.values()
+        ]
 
     @cached_property
     def density(self) -> Floats:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
-from needlefem.dynamics import Motion, TissueDynamics
+from needlefem.dynamics import ImplicitStepper, Motion, TissueSystem
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.responses import SharedResponses
@@ -40,13 +40,17 @@ class DynamicInsertion:
     Parameters
     ----------
     instrument : Instrument
-    dynamics : TissueDynamics
+    dynamics : ImplicitStepper
+        Of the tissue, by Newmark's method: contact forces are those at the step's end.
     speed : float, m/s
     """
 
-    def __init__(self, instrument: Instrument, dynamics: TissueDynamics, speed: float) -> None:
+    def __init__(self, instrument: Instrument, dynamics: ImplicitStepper, speed: float) -> None:
+        if not isinstance(dynamics.system, TissueSystem):
+            raise TypeError("a needle needs a tissue")
+        self.model = dynamics.system.model
         self.instrument, self.dynamics, self.speed = instrument, dynamics, speed
-        self._responses = SharedResponses(dynamics.model, dynamics.factor)
+        self._responses = SharedResponses(self.model, dynamics.factor)
         self.contact = Contact(self._responses, instrument.axis.frame)
         self.motion: Motion = dynamics.at_rest()
         self._last = instrument.axis.entry  # end of the newest whole piece
@@ -66,7 +70,7 @@ class DynamicInsertion:
             yield DynamicState(time, depth, self._tip, float(forces[0]))
 
     def _set_background(self, free: Floats) -> None:
-        model = self.dynamics.model
+        model = self.model
         field = np.zeros(model.ndofs)
         field[model.free_dofs] = free
         self.contact.background = model.nodal(field)
@@ -128,7 +132,7 @@ class DynamicInsertion:
 
     def _finish(self, free: Floats, trial: Trial, forces: Floats) -> None:
         """Move the tissue under all contact forces; keep the piece once it is long enough."""
-        model, frame = self.dynamics.model, self.instrument.axis.frame
+        model, frame = self.model, self.instrument.axis.frame
         lateral = self.contact.lateral_forces(trial, forces)
         load = np.zeros(model.ndofs)
         on_path = np.column_stack([self.contact.axial, lateral]) @ frame

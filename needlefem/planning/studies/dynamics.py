@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from needlefem.dynamics import Damping, Newmark, TissueDynamics
+from needlefem.dynamics import Damping, Newmark, TissueSystem
 from needlefem.insertion.dynamic import DynamicInsertion
 from needlefem.insertion.path import Path
 from needlefem.insertion.simulation import Simulation
@@ -35,7 +35,8 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     path = Path(simulation.insert(entry, lambda state: state.depth > depth + 3e-3))
     differences = []
     for speed in SPEEDS:
-        dynamics = TissueDynamics(simulation.model, TRAVEL / speed, NEWMARK, DAMPING)
+        system = TissueSystem(simulation.model, DAMPING)
+        dynamics = NEWMARK.stepper(system, TRAVEL / speed)
         moving = DynamicInsertion(simulation.instrument(entry), dynamics, speed)
         apart = [
             float(np.linalg.norm(state.tip - reach.point))

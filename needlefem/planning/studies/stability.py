@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.dynamics import Newmark, TissueDynamics
+from needlefem.dynamics import Newmark, TissueSystem
 from needlefem.errors import NeedlefemError
 from needlefem.insertion.dynamic import DynamicInsertion
 from needlefem.insertion.path import Path
@@ -121,7 +121,8 @@ def time_steps(scene: Scene) -> Table:
     rows: list[list[Any]] = []
     for step in (1e-3, 1e-2, 1.0 / 30.0, 1e-1, 1.0):
         try:
-            dynamics = TissueDynamics(simulation.model, step, Newmark(beta=0.3025, gamma=0.6))
+            calm = Newmark(beta=0.3025, gamma=0.6)
+            dynamics = calm.stepper(TissueSystem(simulation.model), step)
             moving = DynamicInsertion(simulation.instrument(entry), dynamics, scene.motion.speed)
             last = list(moving.iterate(depth))[-1]
         except NeedlefemError as refusal:

@@ -1,0 +1,40 @@
+"""Time: systems, integrators, histories, modes."""
+
+from needlefem.dynamics.integrators import (
+    HHT,
+    NAMES,
+    CentralDifference,
+    GeneralizedAlpha,
+    Integrator,
+    Newmark,
+    QuasiStatic,
+    critical_step,
+)
+from needlefem.dynamics.steppers import ImplicitStepper, Motion, Stepper, at_rest
+from needlefem.dynamics.systems import (
+    Damping,
+    MatrixSystem,
+    System,
+    TissueSystem,
+    kinetic_energy,
+)
+
+__all__ = [
+    "HHT",
+    "NAMES",
+    "CentralDifference",
+    "Damping",
+    "GeneralizedAlpha",
+    "ImplicitStepper",
+    "Integrator",
+    "MatrixSystem",
+    "Motion",
+    "Newmark",
+    "QuasiStatic",
+    "Stepper",
+    "System",
+    "TissueSystem",
+    "at_rest",
+    "critical_step",
+    "kinetic_energy",
+]

@@ -1,0 +1,172 @@
+"""Integrators of ``M a + C v + K u = f`` with a fixed step: frozen choices, explicit states.
+
+An integrator is a frozen configuration; `stepper` makes it ready for one system and one step,
+with a single factorisation. Contact sees of an implicit one only the operator ``A`` (through
+`factor`), what the system would do without it (`free_motion`), and how velocity and acceleration
+follow from the displacement (`advance`).
+"""
+
+import dataclasses
+from typing import Protocol
+
+from needlefem.dynamics.steppers import (
+    ExplicitStepper,
+    ImplicitStepper,
+    StaticStepper,
+    Stepper,
+    Weights,
+)
+from needlefem.dynamics.systems import System
+from needlefem.errors import CaseError
+
+ROUND_OFF = 1e-9
+"""Share by which a step may exceed a computed limit."""
+
+
+class Integrator(Protocol):
+    """A way to integrate in time."""
+
+    def stepper(self, system: System, step: float) -> Stepper:
+        """Return it ready for a system and a step, s."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Newmark:
+    """Newmark's method (N. M. Newmark, J. Eng. Mech. Div. ASCE 85, 1959).
+
+    ``beta = 1/4, gamma = 1/2`` is the average acceleration: second order, unconditionally
+    stable, no damping of its own. ``gamma > 1/2`` damps, at first order.
+    """
+
+    beta: float = 0.25
+    gamma: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.gamma < 0.5 or 2.0 * self.beta < self.gamma:
+            problem = f"beta {self.beta:g}, gamma {self.gamma:g} are not unconditionally stable"
+            raise CaseError("newmark", problem, "keep 2 beta >= gamma >= 1/2")
+
+    def stepper(self, system: System, step: float) -> ImplicitStepper:
+        """See `Integrator`."""
+        return ImplicitStepper(system, step, Weights(0.0, 0.0, self.beta, self.gamma))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HHT:
+    """The alpha method (H. M. Hilber, T. J. R. Hughes, R. L. Taylor 1977).
+
+    Second order, unconditionally stable; ``alpha`` from 0 (average acceleration) to -1/3 damps
+    what the step can't follow.
+    """
+
+    alpha: float = -0.05
+
+    def __post_init__(self) -> None:
+        if not -1.0 / 3.0 - ROUND_OFF <= self.alpha <= 0.0:
+            raise CaseError("hht", f"alpha {self.alpha:g} is out of range", "keep -1/3 to 0")
+
+    def stepper(self, system: System, step: float) -> ImplicitStepper:
+        """See `Integrator`."""
+        alpha = self.alpha
+        weights = Weights(0.0, -alpha, 0.25 * (1.0 - alpha) ** 2, 0.5 - alpha)
+        return ImplicitStepper(system, step, weights)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class GeneralizedAlpha:
+    """The generalised-alpha method (J. Chung, G. M. Hulbert 1993) by its spectral radius.
+
+    Second order, unconditionally stable; what the step can't follow shrinks by ``rho_inf`` a
+    step, with the least damping of slow motion that goes with it.
+    """
+
+    rho_inf: float = 0.8
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.rho_inf <= 1.0:
+            problem = f"rho_inf {self.rho_inf:g} is out of range"
+            raise CaseError("generalized-alpha", problem, "keep 0 to 1")
+
+    def stepper(self, system: System, step: float) -> ImplicitStepper:
+        """See `Integrator`."""
+        rho = self.rho_inf
+        mass, force = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        beta = 0.25 * (1.0 - mass + force) ** 2
+        return ImplicitStepper(system, step, Weights(mass, force, beta, 0.5 - mass + force))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CentralDifference:
+    """Central differences: explicit, second order, stable below ``2 / w_max``.
+
+    Without damping that is the whole limit; damping lowers it (T. Belytschko 1983). A larger step
+    is refused unless the instability itself is wanted.
+    """
+
+    refuse_unstable: bool = True
+
+    def stepper(self, system: System, step: float) -> ExplicitStepper:
+        """See `Integrator`.
+
+        Raises
+        ------
+        CaseError
+            The step is larger than the limit, which is named.
+        """
+        if self.refuse_unstable:
+            limit = critical_step(system)
+            if step > limit * (1.0 + ROUND_OFF):
+                problem = f"{step:.4g} s is above the stable {limit:.4g} s of this system"
+                raise CaseError("step", problem, "take a smaller step or an implicit integrator")
+        return ExplicitStepper(system, step)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class QuasiStatic:
+    """No inertia, no damping: equilibrium at the end of every step."""
+
+    def stepper(self, system: System, step: float) -> StaticStepper:
+        """See `Integrator`."""
+        return StaticStepper(system, step)
+
+
+def critical_step(system: System) -> float:
+    """Return the largest stable step of central differences, s.
+
+    ``2 / w_max (sqrt(1 + z^2) - z)`` with the damping ratio z of the largest frequency.
+    """
+    omega = system.largest_frequency
+    return 2.0 / omega * _damped(system, omega)
+
+
+def _damped(system: System, omega: float) -> float:
+    """Return how damping lowers the limit, from the Rayleigh ratio at the largest frequency."""
+    if not system.damped:
+        return 1.0
+    rayleigh = getattr(system, "rayleigh", None)
+    if rayleigh is None:
+        raise CaseError("damping", "the limit is known for Rayleigh damping", "use that")
+    ratio = 0.5 * (rayleigh.mass_rate / omega + rayleigh.stiffness_time * omega)
+    return float((1.0 + ratio**2) ** 0.5 - ratio)
+
+
+NAMES: dict[str, type] = {
+    "quasi-static": QuasiStatic,
+    "newmark": Newmark,
+    "hht": HHT,
+    "generalized-alpha": GeneralizedAlpha,
+    "central-difference": CentralDifference,
+}
+"""The integrators by the name of a case."""
+
+__all__ = [
+    "HHT",
+    "NAMES",
+    "CentralDifference",
+    "GeneralizedAlpha",
+    "Integrator",
+    "Newmark",
+    "QuasiStatic",
+    "critical_step",
+]

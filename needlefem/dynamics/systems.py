@@ -1,0 +1,224 @@
+"""What is integrated in time: ``M a + C v + K u = f`` on some unknowns."""
+
+import dataclasses
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+from needlefem.arrays import Floats, Sparse
+from needlefem.errors import CaseError
+from needlefem.fem.factor import Factor, factorise
+from needlefem.fem.model import Model
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Damping:
+    """Rayleigh damping ``C = mass_rate M + stiffness_time K``, in 1/s and s."""
+
+    mass_rate: float = 0.0
+    stiffness_time: float = 0.0
+
+    @classmethod
+    def from_ratios(
+        cls, frequencies: tuple[float, float], ratios: tuple[float, float]
+    ) -> "Damping":
+        """Return the damping that has two ratios at two frequencies (Hz).
+
+        ``zeta = mass_rate / (2 w) + stiffness_time w / 2`` (Lord Rayleigh 1877).
+        """
+        first, second = (2.0 * np.pi * f for f in frequencies)
+        if not first > 0.0 or first == second:
+            raise CaseError("damping", f"frequencies {frequencies}", "give two different ones")
+        matrix = 0.5 * np.array([[1.0 / first, first], [1.0 / second, second]])
+        rate, time = np.linalg.solve(matrix, np.array(ratios))
+        return cls(mass_rate=float(rate), stiffness_time=float(time))
+
+    def ratio(self, frequency: float) -> float:
+        """Return the share of critical damping at a frequency, Hz."""
+        omega = 2.0 * np.pi * frequency
+        return 0.5 * (self.mass_rate / omega + self.stiffness_time * omega)
+
+
+class System(Protocol):
+    """Mass, damping and stiffness as products and factorisations: all that integrators see.
+
+    Attributes
+    ----------
+    size : int
+        Number of unknowns.
+    damped : bool
+        Whether there is a damping at all.
+    """
+
+    size: int
+    damped: bool
+
+    def mass_times(self, x: Floats) -> Floats:
+        """Return M x."""
+        ...
+
+    def damping_times(self, x: Floats) -> Floats:
+        """Return C x."""
+        ...
+
+    def stiffness_times(self, x: Floats) -> Floats:
+        """Return K x."""
+        ...
+
+    def factor(self, mass: float, damping: float, stiffness: float) -> Factor:
+        """Factorise ``mass M + damping C + stiffness K``."""
+        ...
+
+    def strain_energy(self, u: Floats) -> float:
+        """Return the strain energy of a displacement, J."""
+        ...
+
+    @property
+    def largest_frequency(self) -> float:
+        """The largest angular frequency, 1/s."""
+        ...
+
+
+def kinetic_energy(system: System, v: Floats) -> float:
+    """Return the kinetic energy of a velocity, J."""
+    return 0.5 * float(v @ system.mass_times(v))
+
+
+class MatrixSystem:
+    """A system given by its matrices; see `System`.
+
+    Parameters
+    ----------
+    mass, stiffness, damping : array or sparse matrix, shape (n, n)
+        Symmetric; no damping when left out.
+    """
+
+    def __init__(self, mass: Sparse, stiffness: Sparse, damping: Sparse | None = None) -> None:
+        self.mass, self.stiffness = csc_array(mass), csc_array(stiffness)
+        self.damped = damping is not None
+        self.damping = csc_array(0.0 * self.mass if damping is None else damping)
+        self.size = int(self.mass.shape[0])
+
+    def mass_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        found: Floats = self.mass @ x
+        return found
+
+    def damping_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        found: Floats = self.damping @ x
+        return found
+
+    def stiffness_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        found: Floats = self.stiffness @ x
+        return found
+
+    def factor(self, mass: float, damping: float, stiffness: float) -> Factor:
+        """See `System`."""
+        return factorise(mass * self.mass + damping * self.damping + stiffness * self.stiffness)
+
+    def strain_energy(self, u: Floats) -> float:
+        """See `System`."""
+        return 0.5 * float(u @ self.stiffness_times(u))
+
+    @cached_property
+    def largest_frequency(self) -> float:
+        """See `System`."""
+        if self.size < 3:
+            values = np.linalg.eigvals(
+                np.linalg.solve(self.mass.toarray(), self.stiffness.toarray())
+            )
+            return float(np.sqrt(np.max(values.real)))
+        return _largest(self, self.mass)
+
+
+class TissueSystem:
+    """The free dofs of a tissue; see `System`.
+
+    Parameters
+    ----------
+    model : Model
+    damping : Damping
+    lumping : str, optional
+        A lumping that the element admits; consistent mass when left out.
+
+    Raises
+    ------
+    CaseError
+        The tissue has no mass somewhere.
+    """
+
+    def __init__(
+        self, model: Model, damping: Damping | None = None, lumping: str | None = None
+    ) -> None:
+        if model.density.min() <= 0.0:
+            remedy = "give every material a density, or simulate quasi-statically"
+            raise CaseError("materials", "a material without density has no dynamics", remedy)
+        self.model, self.rayleigh = model, damping or Damping()
+        self.damped = self.rayleigh != Damping()
+        self.size = len(model.free_dofs)
+        whole: Sparse = model.mass
+        if lumping is not None:
+            whole = diags_array(model.lumped_mass(lumping)).tocsr()
+        self._whole = whole
+        self.mass: Sparse = model.free_block(whole.tocsr())
+        self._stiffness: Sparse = model.free_block(model.stiffness.matrix.tocsr())
+
+    def mass_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        found: Floats = self.mass @ x
+        return found
+
+    def stiffness_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        if self.model.element.definite:
+            found: Floats = self._stiffness @ x
+            return found
+        forces: Floats = self.model.stiffness.force(self._on_all(x))[self.model.free_dofs]
+        return forces
+
+    def damping_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        found = self.rayleigh.mass_rate * self.mass_times(x)
+        if self.rayleigh.stiffness_time:
+            found = found + self.rayleigh.stiffness_time * self.stiffness_times(x)
+        return found
+
+    def factor(self, mass: float, damping: float, stiffness: float) -> Factor:
+        """See `System`."""
+        inertia = mass + damping * self.rayleigh.mass_rate
+        elastic = stiffness + damping * self.rayleigh.stiffness_time
+        if elastic == 0.0:
+            return factorise(inertia * self.mass)
+        return self.model.stiffness.factor(self.model.free_dofs, elastic, inertia * self._whole)
+
+    def strain_energy(self, u: Floats) -> float:
+        """See `System`."""
+        return float(self.model.stiffness.energy(self._on_all(u)[:, None])[0])
+
+    def _on_all(self, x: Floats) -> Floats:
+        whole = np.zeros(self.model.ndofs)
+        whole[self.model.free_dofs] = x
+        return whole
+
+    @cached_property
+    def largest_frequency(self) -> float:
+        """See `System`."""
+        return _largest(self, self.mass)
+
+
+def _largest(system: System, mass: Sparse) -> float:
+    """Return the largest angular frequency by Lanczos iteration on ``inv(M) K``."""
+    inverse = factorise(mass.tocsc())
+    shape = (system.size, system.size)
+    stiffness = LinearOperator(shape, matvec=system.stiffness_times, dtype=float)
+    solve = LinearOperator(shape, matvec=inverse.solve, dtype=float)
+    start = np.random.default_rng(0).normal(size=system.size)
+    square = eigsh(
+        stiffness, 1, mass, Minv=solve, which="LM", v0=start, tol=1e-10, return_eigenvectors=False
+    )
+    return float(np.sqrt(square[0]))
