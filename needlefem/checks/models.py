@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from needlefem.arrays import Points, SkfemMesh
+from needlefem.arrays import Bools, Points, SkfemMesh
 from needlefem.elements import ElementRow
 from needlefem.elements.quadrature import gauss, simplex
 from needlefem.fem.mesh import BACKGROUND, box, curved, name_faces, name_regions
@@ -80,4 +80,27 @@ def rectangle(
     """Return a uniform rectangle of the element's cells, `divisions` along every side."""
     mesh = square_mesh(element, divisions, size)
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
+    return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)
+
+
+def tissue(
+    mesh: SkfemMesh,
+    element: ElementRow,
+    material: Material,
+    held: Callable[[Points], Bools] | None = None,
+    *,
+    plane: str = "strain",
+) -> Model:
+    """Return a tissue of one material on any mesh, held where its outer edges' middles say.
+
+    Without `held` it floats.
+    """
+    named = name_regions(mesh, {})
+    if held is None:
+        return Model(named, element, {BACKGROUND: material}, {}, ("y", "z"), plane=plane,
+                     floating=True)  # fmt: skip
+    outer = mesh.boundary_facets()
+    chosen = outer[held(mesh.p[:, mesh.facets[:, outer]].mean(axis=1).T)]
+    named = named.with_boundaries({"held": chosen})
+    supports = {"held": Support(faces=("held",))}
     return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)

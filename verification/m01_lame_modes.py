@@ -1,0 +1,76 @@
+"""M1: Lame's modes of a free square, whatever Poisson's ratio; locking is seen in frequencies."""
+
+import numpy as np
+
+from needlefem.checks.models import square_mesh, tissue
+from needlefem.checks.problem import Answer, Findings, Problem
+from needlefem.dynamics import TissueSystem
+from needlefem.dynamics.modes import modes
+from needlefem.elements import CATALOGUE
+from needlefem.materials import Isotropic
+
+EXACT = np.sqrt(2.0) * np.pi
+"""Angular frequency of the first on the unit square with mu = rho = 1."""
+LIMITS = {
+    ("P1", 64, 0.3): 7e-4, ("Q1", 32, 0.3): 9.5e-4, ("P2", 8, 0.3): 2.5e-4, ("Q2", 8, 0.3): 4e-5,
+    ("P2", 32, 0.4999): 2e-4, ("Q1-Bbar", 32, 0.4999): 2e-3, ("P2-P1", 8, 0.4999): 1e-3,
+    ("Q2-Q1", 8, 0.4999): 1e-4, ("MINI", 32, 0.4999): 5e-3,
+}  # fmt: skip
+"""Largest relative error by element, divisions and Poisson's ratio; never below, by consistent
+mass of displacement elements."""
+LOCKED = {"P1": 0.071, "Q1": 0.071}
+"""Relative error at nu 0.4999 on 64 divisions, by another code."""
+LIKE = 0.97
+"""Least overlap, by mass, of a mode with Lame's."""
+
+
+def frequency(name: str, divisions: int, ratio: float, near: float = 1.001) -> float:
+    """Return the frequency of the mode that looks like Lame's first; NaN if none does.
+
+    `near` is where it is looked for, in units of the exact one.
+    """
+    element = CATALOGUE[name]
+    material = Isotropic(youngs_modulus=2.0 * (1.0 + ratio), poissons_ratio=ratio, density=1.0)
+    model = tissue(square_mesh(element, divisions), element, material)
+    system = TissueSystem(model)
+    x, y = np.pi * model.nodes.T
+    shape = model.dof_vector(np.stack([-np.cos(x) * np.sin(y), np.sin(x) * np.cos(y)], axis=1))[
+        model.free_dofs
+    ]
+    shape /= np.sqrt(shape @ system.mass_times(shape))
+    found, shapes = modes(system, 6, near=near * EXACT)
+    alike = np.abs(shapes.T @ system.mass_times(shape))
+    return float(found[np.argmax(alike)]) if alike.max() > LIKE else np.nan
+
+
+def run(quick: bool) -> Findings:
+    """Compare the first Lame mode of elements at both ratios."""
+    answers = []
+    for (name, divisions, ratio), limit in LIMITS.items():
+        if quick and divisions > 32:
+            continue
+        off = frequency(name, divisions, ratio) / EXACT - 1.0
+        label = f"{name}, {divisions} divisions, nu {ratio}: frequency"
+        answers.append(Answer(label=label, value=EXACT * (1.0 + off), reference=EXACT,
+                              tolerance=limit))  # fmt: skip
+        if CATALOGUE[name].volume == "plain":
+            below = max(0.0, -off)
+            label = f"{name}, {divisions} divisions, nu {ratio}: below exact"
+            answers.append(Answer(label=label, value=below, tolerance=1e-12, recorded=False))
+    if not quick:
+        for name, expected in LOCKED.items():
+            off = frequency(name, 64, 0.4999, near=1.07) / EXACT - 1.0
+            label = f"{name}, 64 divisions, nu 0.4999: locks by"
+            answers.append(Answer(label=label, value=off, reference=expected, tolerance=2e-2))
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="Lame modes",
+    requirement="A free square vibrates in shear with a frequency that Poisson's ratio does not "
+    "change; linear elements lock.",
+    reference="exact, sqrt(2) pi c_s / L; G. Lame 1852",
+    why="errors of another code on the same grids (P1 0.067 %, Q1 0.090 %, P2 0.023 %, Q2 0.0037 "
+    "%; 0.018 % for P2 at nu 0.4999); those of elements with a cure by their degree",
+    run=run,
+)
