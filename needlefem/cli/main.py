@@ -92,6 +92,7 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", help="problems to run; all when left out")
     parser.add_argument("--element", help="qualify this element ('all') instead")
     parser.add_argument("--material", help="qualify this law ('all') instead")
+    parser.add_argument("--integrator", help="qualify this integrator ('all') instead")
     parser.add_argument("--plane", choices=("strain", "stress"), default="strain")
     parser.add_argument(
         "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",

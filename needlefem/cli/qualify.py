@@ -1,14 +1,16 @@
-"""``needlefem verify --element NAME --material NAME``."""
+"""``needlefem verify --element NAME --material NAME``, and ``--integrator NAME``."""
 
 import argparse
 import dataclasses
 from typing import Any
 
+from needlefem.checks.integration import check_integrator
 from needlefem.checks.qualify import failures, qualify
 from needlefem.checks.result import CheckResult
 from needlefem.cli.common import say, say_json
+from needlefem.dynamics import NAMES, integrator_class
 from needlefem.elements import CATALOGUE, element_row
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, nearest
 from needlefem.materials import LAWS
 from needlefem.materials.example import example
 from needlefem.table import Table
@@ -19,12 +21,18 @@ EVERY = "all"
 def main(options: argparse.Namespace) -> int:
     """Qualify elements and materials; 1 if a check fails."""
     settings = dict(_assignment(text) for text in options.settings)
+    if options.integrator:
+        return _integrators(options, settings)
     found: dict[tuple[str, str], tuple[CheckResult, ...]] = {}
     for element in _names(options.element or "P2", list(CATALOGUE)):
         row = element_row(element, "--element")
         for material in _names(options.material or "isotropic", list(LAWS)):
             law = example(material, settings)
             found[element, material] = qualify(row, law, options.plane)
+    return _say(options, found)
+
+
+def _say(options: argparse.Namespace, found: dict[tuple[str, str], tuple[CheckResult, ...]]) -> int:
     if options.json:
         say_json([_record(pair, checks) for pair, checks in found.items()])
     elif len(found) == 1:
@@ -32,6 +40,29 @@ def main(options: argparse.Namespace) -> int:
     else:
         say(_overview(found).text())
     return 1 if any(failures(checks) for checks in found.values()) else 0
+
+
+def _integrators(options: argparse.Namespace, settings: dict[str, str]) -> int:
+    """Qualify integrators that move mass; 1 if a check fails."""
+    moving = [name for name in NAMES if name != "quasi-static"]
+    found: dict[tuple[str, str], tuple[CheckResult, ...]] = {}
+    for name in _names(options.integrator, moving):
+        numbers = {key: _number(value, key) for key, value in settings.items()}
+        theory = numbers.pop("order", 2.0)
+        cls = integrator_class(name, "--integrator")
+        known = [field.name for field in dataclasses.fields(cls)]
+        for key in numbers:
+            if key not in known:
+                raise CaseError(f"--set {key}", "unknown parameter", nearest(key, known))
+        found[name, "an oscillator"] = check_integrator(cls(**numbers), theory)
+    return _say(options, found)
+
+
+def _number(text: str, key: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise CaseError(f"--set {key}", f"'{text}' is no number", "write a number") from None
 
 
 def _names(wanted: str, known: list[str]) -> list[str]:
@@ -47,8 +78,8 @@ def _assignment(text: str) -> tuple[str, str]:
 
 def _record(pair: tuple[str, str], checks: tuple[CheckResult, ...]) -> dict[str, Any]:
     return {
-        "element": pair[0],
-        "material": pair[1],
+        "what": pair[0],
+        "on": pair[1],
         "passed": not failures(checks),
         "checks": [{**dataclasses.asdict(c), "passed": c.passed} for c in checks],
     }
@@ -75,8 +106,8 @@ def _overview(found: dict[tuple[str, str], tuple[CheckResult, ...]]) -> Table:
         for pair, checks in found.items()
     ]
     return Table(
-        title="elements and materials",
-        columns=("element", "material", "checks", "failed"),
+        title="qualification",
+        columns=("what", "on", "checks", "failed"),
         rows=rows,
         passed=not any(failures(checks) for checks in found.values()),
     )

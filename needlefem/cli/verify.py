@@ -20,7 +20,7 @@ from needlefem.table import Table
 
 def main(options: argparse.Namespace) -> int:
     """Run reference problems and print both verdicts on every answer; 1 if one fails."""
-    if options.element or options.material:
+    if options.element or options.material or options.integrator:
         from needlefem.cli import qualify  # noqa: PLC0415  (another job, with other imports)
 
         return qualify.main(options)

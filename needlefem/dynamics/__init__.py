@@ -9,6 +9,7 @@ from needlefem.dynamics.integrators import (
     Newmark,
     QuasiStatic,
     critical_step,
+    integrator_class,
 )
 from needlefem.dynamics.steppers import ImplicitStepper, Motion, Stepper, at_rest
 from needlefem.dynamics.systems import (
@@ -36,5 +37,6 @@ __all__ = [
     "TissueSystem",
     "at_rest",
     "critical_step",
+    "integrator_class",
     "kinetic_energy",
 ]

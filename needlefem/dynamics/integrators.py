@@ -9,6 +9,7 @@ follow from the displacement (`advance`).
 import dataclasses
 from typing import Protocol
 
+from needlefem import foreign
 from needlefem.dynamics.steppers import (
     ExplicitStepper,
     ImplicitStepper,
@@ -17,7 +18,7 @@ from needlefem.dynamics.steppers import (
     Weights,
 )
 from needlefem.dynamics.systems import System
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, nearest
 
 ROUND_OFF = 1e-9
 """Share by which a step may exceed a computed limit."""
@@ -160,13 +161,20 @@ NAMES: dict[str, type] = {
 }
 """The integrators by the name of a case."""
 
-__all__ = [
-    "HHT",
-    "NAMES",
-    "CentralDifference",
-    "GeneralizedAlpha",
-    "Integrator",
-    "Newmark",
-    "QuasiStatic",
-    "critical_step",
-]
+
+def integrator_class(name: str, key: str) -> type:
+    """Return an integrator's class: one of ours, or the user's (``module:Class``).
+
+    Raises
+    ------
+    CaseError
+        There is none of that name (the nearest is named), or it makes no stepper.
+    """
+    if not foreign.is_foreign(name):
+        if name not in NAMES:
+            raise CaseError(key, f"no integrator '{name}'", nearest(name, NAMES))
+        return NAMES[name]
+    found = foreign.load(name, key)
+    if not (isinstance(found, type) and hasattr(found, "stepper")):
+        raise CaseError(key, f"'{name}' makes no stepper", "see docs/how-to/own-integrator.md")
+    return found
