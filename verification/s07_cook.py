@@ -46,8 +46,8 @@ LOCKING = {
     "P2-P1": (-2.73, -1.19, -0.55), "Q2-Q1": (-0.88, -0.39, -0.18),
 }  # fmt: skip
 """Error of the corner's v in percent on 8, 16, 32 divisions, by an independent code."""
-POINTS = 0.06
-"""Percentage points by which two right codes may differ: the last digit given, rounded."""
+SHARE = 6e-4
+"""Share by which two right codes may differ: the last digit given, rounded."""
 WITHIN = {"Q2-Q1": 8, "P2-P1": 32, "Q1-Bbar": 64}
 """Divisions with which the corner of the rubber case must be within 1 %."""
 
@@ -105,10 +105,8 @@ def locking(quick: bool) -> Findings:
         )
         curves.append(found["corner"])
         for count, error, percent in zip(divisions, found["corner"].errors, expected, strict=False):
-            label = f"{name}, nu 0.4999, {count} divisions: error (%) beside {percent:g}"
-            answers.append(
-                Answer(label=label, value=abs(100.0 * error + percent), tolerance=POINTS)
-            )
+            label = f"{name}, nu 0.4999, {count} divisions: error beside {percent:g} %"
+            answers.append(Answer(label=label, value=abs(error + percent / 100.0), tolerance=SHARE))
         if name in ("P1", "P2-P1"):
             shapes.append(Shape(title=f"{name}, nu 0.4999", solution=finest))
     return Findings(answers=answers, curves=curves, shapes=shapes)

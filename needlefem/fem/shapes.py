@@ -7,8 +7,8 @@ import numpy as np
 
 from needlefem.arrays import Floats, Points
 
-NOTHING = 1e-10
-"""Coefficients below are round-off of zero."""
+ROUND_OFF = 1e-10
+"""Coefficients as near as this to a multiple of one half are that: Lagrange's are."""
 
 
 class ShapeTable:
@@ -30,13 +30,10 @@ class ShapeTable:
         samples = np.array(list(product(ticks, repeat=dim)))
         count = len(element.doflocs)
         values = np.stack([element.lbasis(samples.T, i)[0] for i in range(count)], axis=1)
-        coefficients = np.linalg.lstsq(self._monomials(samples), values, rcond=None)[0]
-        coefficients[np.abs(coefficients) < NOTHING] = 0.0
+        coefficients = _fitted(self._monomials(samples), values)
         used = self._needed(np.flatnonzero(np.any(coefficients, axis=1)))
         self._powers = [self._powers[i] for i in used]
-        again = np.linalg.lstsq(self._monomials(samples), values, rcond=None)
-        self._coefficients: Floats = again[0]
-        self._coefficients[np.abs(self._coefficients) < NOTHING] = 0.0
+        self._coefficients: Floats = _fitted(self._monomials(samples), values)
         self._slopes = [self._derivative(axis) @ self._coefficients for axis in range(dim)]
 
     def _needed(self, used: Any) -> list[int]:
@@ -76,3 +73,11 @@ class ShapeTable:
         """Return their gradients at reference points (n, dim), shape (n, nodes, dim)."""
         monomials = self._monomials(reference)
         return np.stack([monomials @ slope for slope in self._slopes], axis=2)
+
+
+def _fitted(monomials: Floats, values: Floats) -> Floats:
+    """Return coefficients, freed of the round-off that differs from one processor to the next."""
+    found = np.linalg.lstsq(monomials, values, rcond=None)[0]
+    halves = 0.5 * np.round(2.0 * found)
+    snapped: Floats = np.where(np.abs(found - halves) < ROUND_OFF, halves, found)
+    return snapped
