@@ -75,6 +75,14 @@ class LateForce(ImplicitStepper):
         return super().advance_under(motion, before, before)
 
 
+class Forgetful(ImplicitStepper):
+    """Leaves the viscoelastic branches as they were."""
+
+    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+        """Return the motion with its old memory."""
+        return dataclasses.replace(super().advance(motion, u), parts=motion.parts)
+
+
 @dataclasses.dataclass(frozen=True)
 class Wrong:
     """A wrong stepper with weights of the generalised-alpha family."""
@@ -96,6 +104,7 @@ WRONG: dict[str, tuple[Wrong, str]] = {
     "alpha on the wrong side": (
         Wrong(ImplicitStepper, Weights(0.0, -0.1, 0.3025, 0.6)), "order, free"),
     "old acceleration counted twice": (Wrong(HalfVelocity, AVERAGE), "free fall"),
+    "memory left as it was": (Wrong(Forgetful, AVERAGE), "order, memory"),
     "force of the step before": (Wrong(LateForce, AVERAGE), "order, pushed"),
 }  # fmt: skip
 """What is wrong, and the check that must catch it."""

@@ -103,11 +103,12 @@ class Reader:
             table = {**known, **{key: value for key, value in table.items() if key != "tissue"}}
         law = str(table.get("law", "isotropic"))
         fields = {key: value for key, value in table.items() if key != "law"}
-        found: Material = self.fill(law_class(law, f"{prefix}.law"), fields, prefix)
         try:
+            found: Material = self.fill(law_class(law, f"{prefix}.law"), fields, prefix)
             split(found)
         except CaseError as error:
-            raise CaseError(prefix, error.problem, error.remedy) from None
+            own = prefix if error.key == "material" else error.key  # a law does not know its name
+            raise CaseError(own, error.problem, error.remedy) from None
         return found
 
     def region(self, table: Table, name: str) -> Region:

@@ -1,6 +1,7 @@
 """Properties of an integrator, measured on one degree of freedom."""
 
 import numpy as np
+from scipy.linalg import expm
 
 from needlefem.arrays import Floats
 from needlefem.checks.result import CheckResult, outcome
@@ -10,6 +11,8 @@ from needlefem.errors import CaseError
 
 DAMPED_RATIO = 0.1
 """Share of critical damping in the checks that need some."""
+BRANCH_TIME = 0.7
+"""Relaxation time of the viscoelastic oscillator, in units of its relaxed spring's."""
 
 
 class Oscillator(MatrixSystem):
@@ -19,6 +22,14 @@ class Oscillator(MatrixSystem):
         one = np.ones((1, 1))
         super().__init__(one, one, 2.0 * ratio * one if ratio else None)
         self.rayleigh = Damping(mass_rate=2.0 * ratio)
+
+
+class Forgetful(MatrixSystem):
+    """A mass on a spring with a Maxwell branch of the same stiffness beside it."""
+
+    def __init__(self, time: float) -> None:
+        one = np.ones((1, 1))
+        super().__init__(one, one, branches=[(time, one)])
 
 
 def amplification(integrator: Integrator, step: float, ratio: float = 0.0) -> Floats:
@@ -54,38 +65,43 @@ def period_error(integrator: Integrator, step: float) -> float:
     return step / abs(float(np.angle(principal(integrator, step)))) - 1.0
 
 
-def _final_error(integrator: Integrator, count: int, load: Load | None) -> float:
+def _final_error(integrator: Integrator, count: int, load: Load | None, *, memory: bool) -> float:
     """Return the error of displacement and velocity at time 2, damped, pushed or free."""
-    system, step = Oscillator(DAMPED_RATIO), 2.0 / count
-    stepper = integrator.stepper(system, step)
+    system = Forgetful(BRANCH_TIME) if memory else Oscillator(DAMPED_RATIO)
+    stepper = integrator.stepper(system, 2.0 / count)
     first = np.zeros(1) if load is None else load(0.0)
     motion = stepper.start(np.array([0.3]), np.array([-0.2]), first)
     found = last(iterate(stepper, motion, load, count))
-    return float(np.linalg.norm(np.concatenate([found.u, found.v]) - _exact(2.0, load is not None)))
+    exact = _exact(2.0, pushed=load is not None, memory=memory)
+    return float(np.linalg.norm(np.concatenate([found.u, found.v]) - exact))
 
 
 def _push(time: float) -> Floats:
     return np.array([np.sin(1.7 * time)])
 
 
-def _exact(time: float, pushed: bool) -> Floats:
+def _exact(time: float, *, pushed: bool, memory: bool) -> Floats:
     """Return displacement and velocity of the oscillator, by its matrix exponential."""
-    rate = np.zeros((4, 4))
-    rate[0, 1], rate[1, 0], rate[1, 1] = 1.0, -1.0, -2.0 * DAMPED_RATIO
-    rate[1, 2] = 1.0 if pushed else 0.0
-    rate[2, 3], rate[3, 2] = 1.0, -(1.7**2)  # the push is itself an oscillator
-    values, vectors = np.linalg.eig(rate)
-    start = np.array([0.3, -0.2, 0.0, 1.7])
-    state = vectors @ (np.exp(values * time) * np.linalg.solve(vectors, start.astype(complex)))
-    found: Floats = state.real[:2]
-    return found
+    rate = np.zeros((5, 5))  # displacement, velocity, branch, push and its rate
+    rate[0, 1], rate[1, 0] = 1.0, -1.0
+    if memory:
+        rate[1, 2], rate[2, 1], rate[2, 2] = -1.0, 1.0, -1.0 / BRANCH_TIME
+    else:
+        rate[1, 1] = -2.0 * DAMPED_RATIO
+    rate[1, 3] = 1.0 if pushed else 0.0
+    rate[3, 4], rate[4, 3] = 1.0, -(1.7**2)  # the push is itself an oscillator
+    found: Floats = expm(rate * time) @ np.array([0.3, -0.2, 0.0, 0.0, 1.7])
+    return found[:2]
 
 
-def order(integrator: Integrator, *, pushed: bool) -> float:
-    """Return the observed order of convergence in time, damped; pushed or free."""
+def order(integrator: Integrator, *, pushed: bool, memory: bool = False) -> float:
+    """Return the observed order of convergence in time, pushed or free.
+
+    Of an oscillator with a dashpot, or with a viscoelastic branch.
+    """
     load = _push if pushed else None
-    coarse, fine = (_final_error(integrator, count, load) for count in (400, 800))
-    return float(np.log2(coarse / fine))
+    errors = [_final_error(integrator, count, load, memory=memory) for count in (400, 800)]
+    return float(np.log2(errors[0] / errors[1]))
 
 
 def check_integrator(integrator: Integrator, theory: float = 2.0) -> tuple[CheckResult, ...]:
@@ -96,6 +112,8 @@ def check_integrator(integrator: Integrator, theory: float = 2.0) -> tuple[Check
                 abs(free - theory), 0.05),
         outcome("order, pushed", f"so they do under a load: power {theory:g}",
                 abs(pushed - theory), 0.05),
+        outcome("order, memory", f"so they do for viscoelastic tissue: power {theory:g}",
+                abs(order(integrator, pushed=True, memory=True) - theory), 0.05),
         outcome("stability", "no free motion grows, for steps below the stable one",
                 max(spectral_radius(integrator, step) for step in _steps(integrator)) - 1.0, 1e-7),
         outcome("damping", "a tenth of critical damping shows in a free motion",

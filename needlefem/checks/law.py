@@ -8,6 +8,7 @@ from needlefem.arrays import Floats
 from needlefem.checks.result import CheckResult
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic, Material, Response, split, voigt
+from needlefem.materials.relaxation import HasBranches
 from needlefem.materials.split import HasCompliance
 
 SMALL = 1e-5
@@ -34,6 +35,7 @@ def check_law(material: Material) -> tuple[CheckResult, ...]:
         tangent_symmetric(material),
         rotation(material),
         *_of_constants(material),
+        *_of_memory(material),
     )
 
 
@@ -174,12 +176,13 @@ def _compliance(material: Material) -> Floats:
 
 
 def compliance(material: HasCompliance) -> CheckResult:
-    """Check that a compliance is symmetric, and the inverse of the stiffness."""
+    """Check that a compliance is symmetric, and the inverse of the (relaxed) stiffness."""
     matrix = material.compliance()
     off = float(np.abs(matrix - matrix.T).max() / np.abs(matrix).max())
     if isinstance(material, Material):
         try:
-            stiffness = voigt.tangent_matrix(_tangent(material.respond(np.zeros((3, 3)))))
+            relaxed = material.respond(np.zeros((3, 3)), None, np.inf)
+            stiffness = voigt.tangent_matrix(_tangent(relaxed))
             spread = np.abs(stiffness) @ np.abs(matrix)
             off = max(off, float(np.max(np.abs(stiffness @ matrix - np.eye(6)) / spread.max())))
         except CaseError:
@@ -216,4 +219,50 @@ def simple_tension(material: Material) -> CheckResult:
         requirement="Young's modulus and Poisson's ratio show in simple tension as declared",
         value=float(off),
         bound=1e-9,
+    )
+
+
+def _of_memory(material: Material) -> list[CheckResult]:
+    """Return the checks that a law with a memory calls for."""
+    if not (isinstance(material, HasBranches) and material.branches()):
+        return []
+    return [same_in_two_steps(material), loses_energy(material)]
+
+
+def _walk(material: Material, steps: int) -> tuple[Floats, Floats]:
+    """Return stress and energy lost over a random walk of the strain, every leg in some steps."""
+    time = float(np.median([branch.time for branch in material.branches()]))  # type: ignore[attr-defined]
+    gradient, state = np.zeros((3, 3)), None
+    stress, energy = np.zeros((3, 3)), 0.0
+    lost = []
+    for leg in SMALL * np.random.default_rng(5).normal(size=(12, 3, 3)):
+        work = 0.0
+        for _ in range(steps):
+            found = material.respond(gradient + leg / steps, state, time / steps)
+            work += 0.5 * float(np.sum((found.stress + stress) * leg)) / steps
+            gradient, state, stress = gradient + leg / steps, found.state, np.asarray(found.stress)
+        lost.append(work - (float(found.energy) - energy))
+        energy = float(found.energy)
+    return stress, np.array(lost)
+
+
+def same_in_two_steps(material: Material) -> CheckResult:
+    """Check that a strain that changes evenly ends in the same stress in one step or in two."""
+    once, twice = _walk(material, 1)[0], _walk(material, 2)[0]
+    return CheckResult(
+        name="same in two steps",
+        requirement="a strain that changes evenly ends in the same stress in one step or two",
+        value=float(np.abs(once - twice).max()) / (_scale(material) * SMALL),
+        bound=1e-10,
+    )
+
+
+def loses_energy(material: Material) -> CheckResult:
+    """Check that deforming never gives energy back that was not stored."""
+    lost = _walk(material, 64)[1]
+    return CheckResult(
+        name="loses energy",
+        requirement="relaxation loses energy, whatever the strain's history",
+        value=max(0.0, -float(lost.min())) / (_scale(material) * SMALL**2),
+        bound=0.0,
     )

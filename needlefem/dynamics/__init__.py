@@ -1,5 +1,6 @@
 """Time: systems, integrators, histories, modes."""
 
+from needlefem.dynamics.energy import EnergyLedger, kinetic_energy
 from needlefem.dynamics.integrators import (
     HHT,
     NAMES,
@@ -17,7 +18,6 @@ from needlefem.dynamics.systems import (
     MatrixSystem,
     System,
     TissueSystem,
-    kinetic_energy,
 )
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "NAMES",
     "CentralDifference",
     "Damping",
+    "EnergyLedger",
     "GeneralizedAlpha",
     "ImplicitStepper",
     "Integrator",

@@ -6,17 +6,22 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats
+from needlefem.dynamics.memory import Memory
 from needlefem.dynamics.systems import System
 from needlefem.fem.factor import Factor
 
 
 @dataclasses.dataclass(eq=False)
 class Motion:
-    """Displacement, velocity and acceleration of all unknowns; each of shape (n,)."""
+    """Displacement, velocity and acceleration of all unknowns; each of shape (n,).
+
+    `parts` are the displacements of the springs in viscoelastic branches, shape (branches, n).
+    """
 
     u: Floats
     v: Floats
     a: Floats
+    parts: Floats = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
 
 
 class Stepper(Protocol):
@@ -50,17 +55,19 @@ class Weights:
 def at_rest(system: System) -> Motion:
     """Return the undeformed system at rest."""
     zero = np.zeros(system.size)
-    return Motion(zero, zero.copy(), zero.copy())
+    return Motion(zero, zero.copy(), zero.copy(), _relaxed(system))
+
+
+def _relaxed(system: System) -> Floats:
+    return np.zeros((len(system.branches), system.size))
 
 
 def _start(system: System, u: Floats, v: Floats, force: Floats | None) -> Motion:
-    """Return the motion whose acceleration balances the forces."""
-    rest = -(system.stiffness_times(u))
-    if system.damped:
-        rest = rest - system.damping_times(v)
+    """Return the motion whose acceleration balances the forces; branches are relaxed."""
+    rest = -system.products(None, v if system.damped else None, u)
     if force is not None:
-        rest = rest + force
-    return Motion(u.copy(), v.copy(), system.factor(1.0, 0.0, 0.0).solve(rest))
+        rest += force
+    return Motion(u.copy(), v.copy(), system.factor(1.0, 0.0, 0.0).solve(rest), _relaxed(system))
 
 
 class ImplicitStepper:
@@ -76,8 +83,12 @@ class ImplicitStepper:
         self._inertia = 1.0 / (weights.beta * step**2)
         self._drag = weights.gamma / (weights.beta * step)
         kept = 1.0 - weights.force
+        self._memory = Memory(system.branches, step)
         self.factor: Factor = system.factor(
-            (1.0 - weights.mass) * self._inertia, kept * self._drag, kept
+            (1.0 - weights.mass) * self._inertia,
+            kept * self._drag,
+            kept,
+            [kept * gain for gain in self._memory.gains],
         )
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
@@ -89,8 +100,10 @@ class ImplicitStepper:
         return at_rest(self.system)
 
     def _predicted(self, motion: Motion) -> Floats:
-        dt, beta = self.step, self.weights.beta
-        found: Floats = motion.u + dt * motion.v + dt**2 * (0.5 - beta) * motion.a
+        dt = self.step
+        found = (dt**2 * (0.5 - self.weights.beta)) * motion.a
+        found += dt * motion.v
+        found += motion.u
         return found
 
     def free_motion(self, motion: Motion, force: Floats | None = None) -> Floats:
@@ -99,26 +112,36 @@ class ImplicitStepper:
         `force` is that at ``1 - weights.force`` of the step.
         """
         w, system = self.weights, self.system
-        predicted = self._predicted(motion)
-        inertia = (1.0 - w.mass) * self._inertia * predicted
+        inertia = self._predicted(motion)
+        drag = self._drag_of(motion, inertia) if system.damped else None
+        inertia *= (1.0 - w.mass) * self._inertia
         if w.mass:
-            inertia = inertia - w.mass * motion.a
-        rhs = system.mass_times(inertia)
-        if system.damped:
-            velocity = motion.v + self.step * (1.0 - w.gamma) * motion.a - self._drag * predicted
-            rhs = rhs - system.damping_times((1.0 - w.force) * velocity + w.force * motion.v)
-        if w.force:
-            rhs = rhs - w.force * system.stiffness_times(motion.u)
+            inertia -= w.mass * motion.a
+        rhs = system.products(inertia, drag, -w.force * motion.u if w.force else None)
+        if self._memory:
+            rhs -= self._memory.carried(motion.parts, motion.u, w.force)
         if force is not None:
-            rhs = rhs + force
+            rhs += force
         return self.factor.solve(rhs)
+
+    def _drag_of(self, motion: Motion, predicted: Floats) -> Floats:
+        """Return the velocity whose drag does not depend on the new displacement, reversed."""
+        w = self.weights
+        found = ((1.0 - w.force) * self._drag) * predicted
+        found -= motion.v
+        found -= ((1.0 - w.force) * self.step * (1.0 - w.gamma)) * motion.a
+        return found
 
     def advance(self, motion: Motion, u: Floats) -> Motion:
         """Return the motion after a step that ends at a displacement."""
-        a = self._inertia * (u - self._predicted(motion))
         gamma = self.weights.gamma
-        v = motion.v + self.step * ((1.0 - gamma) * motion.a + gamma * a)
-        return Motion(u, v, a)
+        a = u - self._predicted(motion)
+        a *= self._inertia
+        v = (self.step * (1.0 - gamma)) * motion.a
+        v += motion.v
+        v += (self.step * gamma) * a
+        parts = self._memory.advance(motion.parts, u - motion.u) if self._memory else motion.parts
+        return Motion(u, v, a, parts)
 
     def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:
         """See `Stepper`."""
@@ -137,6 +160,7 @@ class ExplicitStepper:
 
     def __init__(self, system: System, step: float) -> None:
         self.system, self.step = system, step
+        self._memory = Memory(system.branches, step)
         self.factor: Factor = system.factor(1.0, 0.5 * step if system.damped else 0.0, 0.0)
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
@@ -148,12 +172,15 @@ class ExplicitStepper:
         del before  # balance is asked for at the step's end
         dt = self.step
         half = motion.v + 0.5 * dt * motion.a
-        u = motion.u + dt * half
-        rest = after - self.system.stiffness_times(u)
-        if self.system.damped:
-            rest = rest - self.system.damping_times(half)
+        moved = dt * half
+        u = motion.u + moved
+        rest = after - self.system.products(None, half if self.system.damped else None, u)
+        parts = motion.parts
+        if self._memory:
+            parts = self._memory.advance(parts, moved)
+            rest -= self._memory.force(parts)
         a = self.factor.solve(rest)
-        return Motion(u, half + 0.5 * dt * a, a)
+        return Motion(u, half + 0.5 * dt * a, a, parts)
 
 
 class StaticStepper:
@@ -161,15 +188,32 @@ class StaticStepper:
 
     def __init__(self, system: System, step: float) -> None:
         self.system, self.step = system, step
-        self.factor: Factor = system.factor(0.0, 0.0, 1.0)
+        self._memory = Memory(system.branches, step)
+        self.factor: Factor = system.factor(0.0, 0.0, 1.0, self._memory.gains)
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
-        """See `Stepper`; the displacement is that of equilibrium under the force, if given."""
-        found = u.copy() if force is None else self.factor.solve(force)
-        return Motion(found, v.copy(), np.zeros_like(v))
+        """See `Stepper`; a force, if given, comes at once, and with it a displacement."""
+        found, parts = u.copy(), _relaxed(self.system)
+        if force is not None:
+            shares = [1.0] * len(self.system.branches)
+            found = self.system.factor(0.0, 0.0, 1.0, shares).solve(force)
+            parts += found
+        return Motion(found, v.copy(), np.zeros_like(v), parts)
+
+    def free_motion(self, motion: Motion, force: Floats | None = None) -> Floats:
+        """Return the displacement after a step under a force at its end, shape (n,), m."""
+        rhs = np.zeros_like(motion.u) if force is None else force.copy()
+        if self._memory:
+            rhs -= self._memory.carried(motion.parts, motion.u)
+        return self.factor.solve(rhs)
+
+    def advance(self, motion: Motion, u: Floats) -> Motion:
+        """Return the motion after a step that ends at a displacement."""
+        moved = u - motion.u
+        parts = self._memory.advance(motion.parts, moved) if self._memory else motion.parts
+        return Motion(u, moved / self.step, np.zeros_like(u), parts)
 
     def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:
         """See `Stepper`."""
         del before
-        u = self.factor.solve(after)
-        return Motion(u, (u - motion.u) / self.step, np.zeros_like(u))
+        return self.advance(motion, self.free_motion(motion, after))

@@ -1,8 +1,9 @@
 """What is integrated in time: ``M a + C v + K u = f`` on some unknowns."""
 
 import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array
@@ -51,25 +52,31 @@ class System(Protocol):
         Number of unknowns.
     damped : bool
         Whether there is a damping at all.
+    branches : tuple of (float, sparse matrix)
+        Relaxation times (s) of a viscoelastic system and the stiffnesses that relax; K is what
+        is left when all have.
     """
 
     size: int
     damped: bool
+    branches: tuple[tuple[float, Sparse], ...]
 
     def mass_times(self, x: Floats) -> Floats:
         """Return M x."""
-        ...
-
-    def damping_times(self, x: Floats) -> Floats:
-        """Return C x."""
         ...
 
     def stiffness_times(self, x: Floats) -> Floats:
         """Return K x."""
         ...
 
-    def factor(self, mass: float, damping: float, stiffness: float) -> Factor:
-        """Factorise ``mass M + damping C + stiffness K``."""
+    def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
+        """Return ``M a + C v + K u`` by as few products as it takes; None stands for zero."""
+        ...
+
+    def factor(
+        self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
+    ) -> Factor:
+        """Factorise ``mass M + damping C + stiffness K`` and a share of every branch."""
         ...
 
     def strain_energy(self, u: Floats) -> float:
@@ -82,11 +89,6 @@ class System(Protocol):
         ...
 
 
-def kinetic_energy(system: System, v: Floats) -> float:
-    """Return the kinetic energy of a velocity, J."""
-    return 0.5 * float(v @ system.mass_times(v))
-
-
 class MatrixSystem:
     """A system given by its matrices; see `System`.
 
@@ -94,9 +96,17 @@ class MatrixSystem:
     ----------
     mass, stiffness, damping : array or sparse matrix, shape (n, n)
         Symmetric; no damping when left out.
+    branches : sequence of (float, matrix)
     """
 
-    def __init__(self, mass: Sparse, stiffness: Sparse, damping: Sparse | None = None) -> None:
+    def __init__(
+        self,
+        mass: Sparse,
+        stiffness: Sparse,
+        damping: Sparse | None = None,
+        branches: Sequence[tuple[float, Sparse]] = (),
+    ) -> None:
+        self.branches = tuple((time, csc_array(matrix)) for time, matrix in branches)
         self.mass, self.stiffness = csc_array(mass), csc_array(stiffness)
         self.damped = damping is not None
         self.damping = csc_array(0.0 * self.mass if damping is None else damping)
@@ -107,19 +117,26 @@ class MatrixSystem:
         found: Floats = self.mass @ x
         return found
 
-    def damping_times(self, x: Floats) -> Floats:
-        """See `System`."""
-        found: Floats = self.damping @ x
-        return found
-
     def stiffness_times(self, x: Floats) -> Floats:
         """See `System`."""
         found: Floats = self.stiffness @ x
         return found
 
-    def factor(self, mass: float, damping: float, stiffness: float) -> Factor:
+    def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
         """See `System`."""
-        return factorise(mass * self.mass + damping * self.damping + stiffness * self.stiffness)
+        found: Floats = np.zeros(self.size) if a is None else self.mass @ a
+        if v is not None:
+            found += self.damping @ v
+        if u is not None:
+            found += self.stiffness @ u
+        return found
+
+    def factor(
+        self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
+    ) -> Factor:
+        """See `System`."""
+        total = mass * self.mass + damping * self.damping + stiffness * self.stiffness
+        return factorise(total + _weighted(self.branches, shares))
 
     def strain_energy(self, u: Floats) -> float:
         """See `System`."""
@@ -129,9 +146,8 @@ class MatrixSystem:
     def largest_frequency(self) -> float:
         """See `System`."""
         if self.size < 3:
-            values = np.linalg.eigvals(
-                np.linalg.solve(self.mass.toarray(), self.stiffness.toarray())
-            )
+            stiffness = self.stiffness + _weighted(self.branches, [1.0] * len(self.branches))
+            values = np.linalg.eigvals(np.linalg.solve(self.mass.toarray(), stiffness.toarray()))
             return float(np.sqrt(np.max(values.real)))
         return _largest(self, self.mass)
 
@@ -167,6 +183,7 @@ class TissueSystem:
         self._whole = whole
         self.mass: Sparse = model.free_block(whole.tocsr())
         self._stiffness: Sparse = model.free_block(model.stiffness.matrix.tocsr())
+        self.branches = tuple((t, model.free_block(k.tocsr())) for t, k in model.branches)
 
     def mass_times(self, x: Floats) -> Floats:
         """See `System`."""
@@ -181,20 +198,26 @@ class TissueSystem:
         forces: Floats = self.model.stiffness.force(self._on_all(x))[self.model.free_dofs]
         return forces
 
-    def damping_times(self, x: Floats) -> Floats:
+    def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
         """See `System`."""
-        found = self.rayleigh.mass_rate * self.mass_times(x)
-        if self.rayleigh.stiffness_time:
-            found = found + self.rayleigh.stiffness_time * self.stiffness_times(x)
-        return found
+        if v is not None:
+            a = _sum(a, self.rayleigh.mass_rate, v)
+            u = _sum(u, self.rayleigh.stiffness_time, v)
+        if a is None:
+            return np.zeros(self.size) if u is None else self.stiffness_times(u)
+        found = self.mass_times(a)
+        return found if u is None else found + self.stiffness_times(u)
 
-    def factor(self, mass: float, damping: float, stiffness: float) -> Factor:
+    def factor(
+        self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
+    ) -> Factor:
         """See `System`."""
         inertia = mass + damping * self.rayleigh.mass_rate
         elastic = stiffness + damping * self.rayleigh.stiffness_time
         if elastic == 0.0:
             return factorise(inertia * self.mass)
-        return self.model.stiffness.factor(self.model.free_dofs, elastic, inertia * self._whole)
+        added = inertia * self._whole + _weighted(self.model.branches, shares)
+        return self.model.stiffness.factor(self.model.free_dofs, elastic, added)
 
     def strain_energy(self, u: Floats) -> float:
         """See `System`."""
@@ -211,11 +234,32 @@ class TissueSystem:
         return _largest(self, self.mass)
 
 
+def _sum(one: Floats | None, factor: float, other: Floats) -> Floats | None:
+    """Return ``one + factor other``, where None is zero."""
+    if not factor:
+        return one
+    return factor * other if one is None else one + factor * other
+
+
+def _weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Any:
+    """Return the sum of the branches' stiffnesses, each times its share; 0 without shares."""
+    return sum((share * matrix for share, (_, matrix) in zip(shares, branches, strict=False)), 0)
+
+
 def _largest(system: System, mass: Sparse) -> float:
-    """Return the largest angular frequency by Lanczos iteration on ``inv(M) K``."""
+    """Return the largest angular frequency by Lanczos iteration on ``inv(M) K``.
+
+    Branches have no time to relax in fast motion, and add all their stiffness.
+    """
     inverse = factorise(mass.tocsc())
     shape = (system.size, system.size)
-    stiffness = LinearOperator(shape, matvec=system.stiffness_times, dtype=float)
+    at_once = _weighted(system.branches, [1.0] * len(system.branches))
+
+    def push(x: Floats) -> Floats:
+        found = system.stiffness_times(x)
+        return found + at_once @ x if system.branches else found
+
+    stiffness = LinearOperator(shape, matvec=push, dtype=float)
     solve = LinearOperator(shape, matvec=inverse.solve, dtype=float)
     start = np.random.default_rng(0).normal(size=system.size)
     square = eigsh(

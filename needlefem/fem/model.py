@@ -14,7 +14,7 @@ from needlefem.fem.factor import Factor
 from needlefem.fem.shapes import ShapeTable
 from needlefem.fem.space import Space
 from needlefem.fem.stiffness import Stiffness
-from needlefem.materials import Material, Split, plane_split, split
+from needlefem.materials import Material, Split, branches_of, plane_split, split
 from needlefem.scene import Support
 
 
@@ -127,6 +127,24 @@ class Model(Space):
             (split(law) if self.dim == 3 else plane_split(law, self.plane), float(law.density))
             for law in self.materials.values()
         ]
+
+    @cached_property
+    def branches(self) -> tuple[tuple[float, Sparse], ...]:
+        """Relaxation times (s) of viscoelastic tissue, each with the stiffness that relaxes.
+
+        Matrices of shape (ndofs, ndofs); empty for elastic tissue.
+        """
+        size = 3 if self.dim == 2 else 6
+        laws: dict[float, Floats] = {}
+        for number, material in enumerate(self.materials.values()):
+            for branch in branches_of(material, self.dim, self.plane):
+                law = laws.setdefault(branch.time, np.zeros((size, size, self.mesh.nelements)))
+                law[:, :, self.cell_materials == number] += branch.stiffness[:, :, None]
+        return tuple((time, assembly.stiffness(self.basis, laws[time])) for time in sorted(laws))
+
+    def body_load(self, force: assembly.Field, order: int = 6) -> Floats:
+        """Return the load of a force per volume (N/m^3) on all dofs, shape (ndofs,), N (N/m)."""
+        return assembly.body_load(assembly.fine_basis(self.mesh, self.element, order), force)
 
     @cached_property
     def density(self) -> Floats:

@@ -6,11 +6,13 @@ from needlefem import foreign
 from needlefem.errors import CaseError, nearest
 from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
 from needlefem.materials.isotropic import Isotropic
+from needlefem.materials.viscoelastic import Viscoelastic
 
 LAWS: dict[str, type] = {
     "isotropic": Isotropic,
     "transversely-isotropic": TransverselyIsotropic,
     "orthotropic": Orthotropic,
+    "viscoelastic": Viscoelastic,
 }
 
 

@@ -1,6 +1,7 @@
 """A law with constants that are good enough to try it."""
 
 import dataclasses
+import typing
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,8 +10,10 @@ from needlefem.knobs import Knob, check_ranges, knob_of
 from needlefem.materials.catalogue import law_class
 from needlefem.units import UNITS, parse_quantity
 
-STIFFNESS, RATIO = 10e3, 0.3
-"""Taken for every pressure (Pa), and every number without unit, that has no default."""
+STAND_INS = {"pressure": 10e3, "time": 1.0}
+"""Taken for constants without a default, by dimension, SI."""
+RATIO = 0.3
+"""Taken for those of any other dimension or none."""
 
 
 def example(name: str, settings: Mapping[str, str], key: str = "--material") -> Any:
@@ -37,21 +40,24 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
     for field in fields.values():
         declared = knob_of(field)
         if field.name in settings:
-            values[field.name] = _given(settings[field.name], declared, f"--set {field.name}")
+            several = typing.get_origin(field.type) is tuple
+            text, key_of = settings[field.name], f"--set {field.name}"
+            values[field.name] = _given(text, declared, key_of, several=several)
         elif field.default is dataclasses.MISSING:
-            has_unit = declared is not None and declared.dimension == "pressure"
-            values[field.name] = STIFFNESS if has_unit else RATIO
+            value = STAND_INS.get(declared.dimension if declared else None, RATIO)
+            values[field.name] = (value,) if typing.get_origin(field.type) is tuple else value
     found = law(**values)
     check_ranges(found, "--set ")
     return found
 
 
-def _given(text: str, declared: Knob | None, key: str) -> Any:
+def _given(text: str, declared: Knob | None, key: str, *, several: bool) -> Any:
+    parts = [part.strip() for part in text.strip("[]() ").split(",")]
     if declared is not None and declared.dimension in UNITS:
-        return parse_quantity(text, declared.dimension, key)
-    numbers = [part.strip() for part in text.strip("[]() ").split(",")]
-    try:
-        values = tuple(float(part) for part in numbers)
-    except ValueError:
-        raise CaseError(key, f"'{text}' is no number", "write a number") from None
-    return values[0] if len(values) == 1 else values
+        values = tuple(parse_quantity(part, declared.dimension, key) for part in parts)
+    else:
+        try:
+            values = tuple(float(part) for part in parts)
+        except ValueError:
+            raise CaseError(key, f"'{text}' is no number", "write a number") from None
+    return values if several or len(values) > 1 else values[0]

@@ -31,7 +31,7 @@ class Isotropic(LinearElastic):
         return scaled
 
     def lame(self) -> tuple[float, float]:
-        """Return the Lame parameters (lambda, mu), Pa."""
+        """Return the Lame parameters (lambda, mu), Pa; lambda is infinite at nu = 0.5."""
         modulus, nu = self.youngs_modulus, self.poissons_ratio
         shear = modulus / (2.0 * (1.0 + nu))
-        return 2.0 * shear * nu / (1.0 - 2.0 * nu), shear
+        return (2.0 * shear * nu / (1.0 - 2.0 * nu) if nu < 0.5 else np.inf), shear

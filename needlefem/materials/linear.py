@@ -1,6 +1,8 @@
 """Linear elasticity: a law is its compliance."""
 
 import abc
+import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,11 +11,15 @@ from needlefem.arrays import Floats
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
 from needlefem.materials.protocol import Response
+from needlefem.materials.relaxation import Branch, decay, gain
 from needlefem.materials.split import split_compliance
 
 
 class LinearElastic(abc.ABC):
-    """A linear law at small strain; a subclass gives its compliance and its density."""
+    """A linear law at small strain; a subclass gives its compliance and its density.
+
+    One with a memory also gives its branches; the compliance is then that of relaxed tissue.
+    """
 
     density: float
 
@@ -21,12 +27,11 @@ class LinearElastic(abc.ABC):
     def compliance(self) -> Floats:
         """Return S, shape (6, 6), 1/Pa: Voigt strain (engineering shear) of a Voigt stress."""
 
-    def respond(
-        self,
-        gradient: Floats,
-        state: Any = None,  # noqa: ARG002  (there are no internal variables)
-        step: float = 0.0,  # noqa: ARG002
-    ) -> Response:
+    def branches(self) -> tuple[Branch, ...]:
+        """Return the Maxwell branches beside the compliance's spring; none: an elastic law."""
+        return ()
+
+    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> Response:
         """See `needlefem.materials.protocol.Material`.
 
         Raises
@@ -39,14 +44,44 @@ class LinearElastic(abc.ABC):
             remedy = "ask for its split, or lower Poisson's ratio"
             raise CaseError("material", "incompressible: strain does not give its stress", remedy)
         strain = voigt.strain(gradient)
-        stress = strain @ parts.stiffness
+        before = Memory.virgin(strain, len(self.branches())) if state is None else state
+        after = before.advanced(strain, step, self.branches())
+        stiffness, stress = parts.stiffness, strain @ parts.stiffness
+        energy = 0.5 * np.sum(stress * strain, axis=-1)
+        for branch, part in zip(self.branches(), after.parts, strict=True):
+            stiffness = stiffness + gain(step, branch.time) * branch.stiffness
+            pull = part @ branch.stiffness
+            stress, energy = stress + pull, energy + 0.5 * np.sum(pull * part, axis=-1)
         return Response(
             stress=voigt.tensor(stress),
             tangent=np.broadcast_to(
-                voigt.tangent_tensor(parts.stiffness), (*gradient.shape[:-2], 3, 3, 3, 3)
+                voigt.tangent_tensor(stiffness), (*gradient.shape[:-2], 3, 3, 3, 3)
             ),
-            energy=0.5 * np.sum(stress * strain, axis=-1),
+            energy=energy,
+            state=after if self.branches() else None,
         )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Memory:
+    """What a viscoelastic law remembers: strain, and strain of every branch's spring (..., 6)."""
+
+    strain: Floats
+    parts: tuple[Floats, ...]
+
+    @classmethod
+    def virgin(cls, like: Floats, branches: int) -> "Memory":
+        """Return the memory of tissue that was never deformed."""
+        return cls(np.zeros_like(like), (np.zeros_like(like),) * branches)
+
+    def advanced(self, strain: Floats, step: float, branches: Sequence[Branch]) -> "Memory":
+        """Return the memory after a step that ends at a strain."""
+        change = strain - self.strain
+        parts = [
+            decay(step, branch.time) * part + gain(step, branch.time) * change
+            for branch, part in zip(branches, self.parts, strict=True)
+        ]
+        return Memory(strain, tuple(parts))
 
 
 def local_axes(first: Floats, second: Floats | None = None) -> Floats:

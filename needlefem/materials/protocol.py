@@ -52,6 +52,7 @@ class Material(Protocol):
         state : object
             Internal variables at the start of the step; None in the virgin tissue.
         step : float, s
-            Duration of the step.
+            Duration of the step, over which the strain changes evenly: 0 is at once, infinity
+            leaves time to relax. Only laws with a memory depend on it.
         """
         ...
