@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from needlefem.casefile.load import load_case
+    from needlefem.fem.build import build_model
     from needlefem.insertion.simulation import simulate
     from needlefem.output.render import render
     from needlefem.planning.plan import plan
 
 __version__ = "0.1.0"
-__all__ = ["load_case", "plan", "render", "simulate"]
+__all__ = ["build_model", "load_case", "plan", "render", "simulate"]
 
 _HOMES = {
+    "build_model": "needlefem.fem.build",
     "load_case": "needlefem.casefile.load",
     "simulate": "needlefem.insertion.simulation",
     "plan": "needlefem.planning.plan",

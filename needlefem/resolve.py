@@ -4,8 +4,7 @@ import dataclasses
 import math
 
 from needlefem.elements import ElementRow, element_row
-from needlefem.errors import CaseError
-from needlefem.materials import Material, branches_of, split
+from needlefem.materials import Material, split
 from needlefem.scene import BoxMesh, Discretisation, FileMesh, Scene, vary
 
 CHEAPEST = {"triangle": ("P2", "P2-P1"), "quadrilateral": ("Q2", "Q2-Q1")}
@@ -37,20 +36,10 @@ class Resolved:
 
 def resolve(scene: Scene) -> Resolved:
     """Return the scene with every 'auto' replaced, the reasons, the skips and the warnings."""
-    _refuse_memory(scene)
     reasons: dict[str, str] = {}
     discretisation = _discretisation(scene, reasons)
     concrete = dataclasses.replace(scene, discretisation=discretisation)
     return Resolved(concrete, reasons, _skips(), tuple(_warnings(concrete)))
-
-
-def _refuse_memory(scene: Scene) -> None:
-    """Raise a `CaseError` if a tissue depends on time: a march along the path has none."""
-    for name, material in scene.materials.items():
-        if branches_of(material, scene.dim, scene.plane):
-            problem = "viscoelastic, and an insertion marched along its path has no time"
-            remedy = "use an elastic law with the stiffness at the insertion's speed"
-            raise CaseError(f"materials.{name}.law", problem, remedy)
 
 
 def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:

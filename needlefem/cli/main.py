@@ -1,4 +1,4 @@
-"""``needlefem run|plan|verify|study|bench``: arguments, dispatch, exit statuses.
+"""``needlefem run|plan|modes|verify|study|bench``: arguments, dispatch, exit statuses.
 
 0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
 4 no renderer.
@@ -16,6 +16,7 @@ from needlefem.errors import NeedlefemError
 COMMANDS = {
     "run": "push the needle of a case in and report what happens",
     "plan": "find the release point that ends on the case's target",
+    "modes": "find how the tissue of a case vibrates",
     "verify": "run the reference problems",
     "study": "measure what the answers of a case depend on",
     "bench": "measure what they cost",
@@ -88,6 +89,13 @@ def _plan(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _modes(parser: argparse.ArgumentParser) -> None:
+    _case(parser)
+    _output(parser)
+    parser.add_argument("--count", type=int, default=6, help="how many, from the lowest")
+    parser.add_argument("--free", action="store_true", help="without the supports")
+
+
 def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", help="problems to run; all when left out")
     parser.add_argument("--element", help="qualify this element ('all') instead")
@@ -117,7 +125,14 @@ def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", nargs="?", default="", help="path of a case.toml")
 
 
-_OPTIONS = {"run": _run, "plan": _plan, "verify": _verify, "study": _study, "bench": _bench}
+_OPTIONS = {
+    "run": _run,
+    "plan": _plan,
+    "modes": _modes,
+    "verify": _verify,
+    "study": _study,
+    "bench": _bench,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

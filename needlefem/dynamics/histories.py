@@ -50,3 +50,8 @@ def constant(force: Floats) -> Load:
 def table(times: Floats, factors: Floats, force: Floats) -> Load:
     """Return `force` times a factor read from a table, linear in between."""
     return lambda time: float(np.interp(time, times, factors)) * force
+
+
+def together(*loads: Load) -> Load:
+    """Return the sum of loads."""
+    return lambda time: np.sum([load(time) for load in loads], axis=0)

@@ -11,6 +11,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from needlefem.arrays import Floats, Sparse
 from needlefem.errors import CaseError
+from needlefem.fem.assembly import Field
 from needlefem.fem.factor import Factor, factorise
 from needlefem.fem.model import Model
 
@@ -222,6 +223,22 @@ class TissueSystem:
     def strain_energy(self, u: Floats) -> float:
         """See `System`."""
         return float(self.model.stiffness.energy(self._on_all(u)[:, None])[0])
+
+    def unknowns(self, field: Field) -> Floats:
+        """Return a vector field at the free nodes, shape (size,): an initial condition, say."""
+        return self.model.dof_vector(field(self.model.nodes))[self.model.free_dofs]
+
+    def body_force(self, field: Field) -> Floats:
+        """Return the load of a force per volume, N/m^3, shape (size,)."""
+        return self.model.body_load(field)[self.model.free_dofs]
+
+    def traction(self, face: str, field: Field) -> Floats:
+        """Return the load of a traction, Pa, on a named face, shape (size,)."""
+        return self.model.face_load(face, field)[self.model.free_dofs]
+
+    def nodal(self, x: Floats) -> Floats:
+        """Return unknowns as a nodal field, shape (nnodes, dim); zero where the tissue is held."""
+        return self.model.nodal(self._on_all(x))
 
     def _on_all(self, x: Floats) -> Floats:
         whole = np.zeros(self.model.ndofs)

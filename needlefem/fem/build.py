@@ -114,11 +114,15 @@ def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:
     return begin, begin + depth * direction
 
 
-def build_model(scene: Scene, mesh: SkfemMesh | None = None) -> Model:
-    """Return the scene's discretised tissue; `mesh` spares building it again."""
+def build_model(scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool = False) -> Model:
+    """Return the scene's discretised tissue; `mesh` spares building it again.
+
+    A `floating` one is left without its supports.
+    """
     mesh = build_mesh(scene) if mesh is None else mesh
     used = {meshes.BACKGROUND: scene.background}
     used |= {name: region.material for name, region in scene.regions.items()}
     materials = {name: scene.materials[material] for name, material in used.items()}
     row = element_row(scene.discretisation.element)
-    return Model(mesh, row, materials, scene.supports, scene.axes, plane=scene.plane)
+    supports = {} if floating else scene.supports
+    return Model(mesh, row, materials, supports, scene.axes, plane=scene.plane, floating=floating)

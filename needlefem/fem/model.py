@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, nearest
 from needlefem.fem import assembly
 from needlefem.fem.cellmap import cell_measures
 from needlefem.fem.factor import Factor
@@ -145,6 +145,19 @@ class Model(Space):
     def body_load(self, force: assembly.Field, order: int = 6) -> Floats:
         """Return the load of a force per volume (N/m^3) on all dofs, shape (ndofs,), N (N/m)."""
         return assembly.body_load(assembly.fine_basis(self.mesh, self.element, order), force)
+
+    def face_load(self, face: str, traction: assembly.Field) -> Floats:
+        """Return the load of a traction (Pa) on a named face, shape (ndofs,), N (N/m).
+
+        Raises
+        ------
+        CaseError
+            There is no such face.
+        """
+        if face not in self.mesh.boundaries:
+            raise CaseError("face", f"no face '{face}'", nearest(face, self.mesh.boundaries))
+        facets = self.mesh.boundaries[face]
+        return assembly.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
 
     @cached_property
     def density(self) -> Floats:

@@ -14,6 +14,7 @@ from needlefem.fem.responses import DirectResponses, Responses, SharedResponses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.march import March
 from needlefem.insertion.result import Insertion, State
+from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
@@ -50,6 +51,7 @@ class Simulation:
     def __init__(
         self, scene: Scene, model: Model | None = None, watch: Watch | None = None
     ) -> None:
+        _refuse_memory(scene)
         self._watch = watch
         self.resolved: Resolved = resolve(scene)
         self.scene = self.resolved.scene
@@ -141,6 +143,15 @@ class Simulation:
                 break
         self.insertions += 1
         return march.result(self.scene, self.model)
+
+
+def _refuse_memory(scene: Scene) -> None:
+    """Raise a `CaseError` if a tissue depends on time: a march along the path has none."""
+    for name, material in scene.materials.items():
+        if branches_of(material, scene.dim, scene.plane):
+            problem = "viscoelastic, and an insertion marched along its path has no time"
+            remedy = "use an elastic law with the stiffness at the insertion's speed"
+            raise CaseError(f"materials.{name}.law", problem, remedy)
 
 
 def simulate(scene: Scene) -> Insertion:

@@ -44,7 +44,7 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
             text, key_of = settings[field.name], f"--set {field.name}"
             values[field.name] = _given(text, declared, key_of, several=several)
         elif field.default is dataclasses.MISSING:
-            value = STAND_INS.get(declared.dimension if declared else None, RATIO)
+            value = STAND_INS.get((declared and declared.dimension) or "", RATIO)
             values[field.name] = (value,) if typing.get_origin(field.type) is tuple else value
     found = law(**values)
     check_ranges(found, "--set ")

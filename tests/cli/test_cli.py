@@ -172,3 +172,20 @@ def test_studies_are_listed_and_run(capsys: pytest.CaptureFixture[str]) -> None:
 def test_debug_shows_a_traceback(capsys: pytest.CaptureFixture[str]) -> None:
     _, _, err = run(capsys, "plan", "nowhere.toml", "--debug")
     assert "Traceback" in err
+
+
+def test_modes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["modes", str(PAPER_CASE), "--count", "3", "--json", "--out", str(tmp_path)]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["frequencies"] == sorted(record["frequencies"])
+    assert record["critical_steps"]["row-sum"] > record["critical_steps"]["consistent"]
+    assert {p.name for p in tmp_path.iterdir()} == {"modes.json", "modes.vtu", "modes.png"}
+    assert main(["modes", str(PAPER_CASE), "--count", "0"]) == 2
+    assert "--count: 0 modes; give 1 to 599" in capsys.readouterr().err
+
+
+def test_integrators_are_qualified_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["verify", "--integrator", "hht", "--set", "alpha=-0.2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["passed"]
+    assert main(["verify", "--integrator", "hht", "--set", "alpa=-0.2"]) == 2
+    assert "did you mean 'alpha'" in capsys.readouterr().err
