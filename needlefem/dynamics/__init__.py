@@ -1,5 +1,6 @@
 """Time: systems, integrators, histories, modes."""
 
+from needlefem.dynamics.damping import Damping
 from needlefem.dynamics.energy import EnergyLedger, kinetic_energy
 from needlefem.dynamics.integrators import (
     HHT,
@@ -13,12 +14,8 @@ from needlefem.dynamics.integrators import (
     integrator_class,
 )
 from needlefem.dynamics.steppers import ImplicitStepper, Motion, Stepper, at_rest
-from needlefem.dynamics.systems import (
-    Damping,
-    MatrixSystem,
-    System,
-    TissueSystem,
-)
+from needlefem.dynamics.systems import MatrixSystem, System
+from needlefem.dynamics.tissue import TissueSystem
 
 __all__ = [
     "HHT",

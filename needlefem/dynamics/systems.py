@@ -1,47 +1,15 @@
 """What is integrated in time: ``M a + C v + K u = f`` on some unknowns."""
 
-import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array
+from scipy.sparse import csc_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from needlefem.arrays import Floats, Sparse
-from needlefem.errors import CaseError
-from needlefem.fem.assembly import Field
 from needlefem.fem.factor import Factor, factorise
-from needlefem.fem.model import Model
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Damping:
-    """Rayleigh damping ``C = mass_rate M + stiffness_time K``, in 1/s and s."""
-
-    mass_rate: float = 0.0
-    stiffness_time: float = 0.0
-
-    @classmethod
-    def from_ratios(
-        cls, frequencies: tuple[float, float], ratios: tuple[float, float]
-    ) -> "Damping":
-        """Return the damping that has two ratios at two frequencies (Hz).
-
-        ``zeta = mass_rate / (2 w) + stiffness_time w / 2`` (Lord Rayleigh 1877).
-        """
-        first, second = (2.0 * np.pi * f for f in frequencies)
-        if not first > 0.0 or first == second:
-            raise CaseError("damping", f"frequencies {frequencies}", "give two different ones")
-        matrix = 0.5 * np.array([[1.0 / first, first], [1.0 / second, second]])
-        rate, time = np.linalg.solve(matrix, np.array(ratios))
-        return cls(mass_rate=float(rate), stiffness_time=float(time))
-
-    def ratio(self, frequency: float) -> float:
-        """Return the share of critical damping at a frequency, Hz."""
-        omega = 2.0 * np.pi * frequency
-        return 0.5 * (self.mass_rate / omega + self.stiffness_time * omega)
 
 
 class System(Protocol):
@@ -137,7 +105,7 @@ class MatrixSystem:
     ) -> Factor:
         """See `System`."""
         total = mass * self.mass + damping * self.damping + stiffness * self.stiffness
-        return factorise(total + _weighted(self.branches, shares))
+        return factorise(total + weighted(self.branches, shares))
 
     def strain_energy(self, u: Floats) -> float:
         """See `System`."""
@@ -147,130 +115,25 @@ class MatrixSystem:
     def largest_frequency(self) -> float:
         """See `System`."""
         if self.size < 3:
-            stiffness = self.stiffness + _weighted(self.branches, [1.0] * len(self.branches))
+            stiffness = self.stiffness + weighted(self.branches, [1.0] * len(self.branches))
             values = np.linalg.eigvals(np.linalg.solve(self.mass.toarray(), stiffness.toarray()))
             return float(np.sqrt(np.max(values.real)))
-        return _largest(self, self.mass)
+        return largest(self, self.mass)
 
 
-class TissueSystem:
-    """The free dofs of a tissue; see `System`.
-
-    Parameters
-    ----------
-    model : Model
-    damping : Damping
-    lumping : str, optional
-        A lumping that the element admits; consistent mass when left out.
-
-    Raises
-    ------
-    CaseError
-        The tissue has no mass somewhere.
-    """
-
-    def __init__(
-        self, model: Model, damping: Damping | None = None, lumping: str | None = None
-    ) -> None:
-        if model.density.min() <= 0.0:
-            remedy = "give every material a density, or simulate quasi-statically"
-            raise CaseError("materials", "a material without density has no dynamics", remedy)
-        self.model, self.rayleigh = model, damping or Damping()
-        self.damped = self.rayleigh != Damping()
-        self.size = len(model.free_dofs)
-        whole: Sparse = model.mass
-        if lumping is not None:
-            whole = diags_array(model.lumped_mass(lumping)).tocsr()
-        self._whole = whole
-        self.mass: Sparse = model.free_block(whole.tocsr())
-        self._stiffness: Sparse = model.free_block(model.stiffness.matrix.tocsr())
-        self.branches = tuple((t, model.free_block(k.tocsr())) for t, k in model.branches)
-
-    def mass_times(self, x: Floats) -> Floats:
-        """See `System`."""
-        found: Floats = self.mass @ x
-        return found
-
-    def stiffness_times(self, x: Floats) -> Floats:
-        """See `System`."""
-        if self.model.element.definite:
-            found: Floats = self._stiffness @ x
-            return found
-        forces: Floats = self.model.stiffness.force(self._on_all(x))[self.model.free_dofs]
-        return forces
-
-    def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
-        """See `System`."""
-        if v is not None:
-            a = _sum(a, self.rayleigh.mass_rate, v)
-            u = _sum(u, self.rayleigh.stiffness_time, v)
-        if a is None:
-            return np.zeros(self.size) if u is None else self.stiffness_times(u)
-        found = self.mass_times(a)
-        return found if u is None else found + self.stiffness_times(u)
-
-    def factor(
-        self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
-    ) -> Factor:
-        """See `System`."""
-        inertia = mass + damping * self.rayleigh.mass_rate
-        elastic = stiffness + damping * self.rayleigh.stiffness_time
-        if elastic == 0.0:
-            return factorise(inertia * self.mass)
-        added = inertia * self._whole + _weighted(self.model.branches, shares)
-        return self.model.stiffness.factor(self.model.free_dofs, elastic, added)
-
-    def strain_energy(self, u: Floats) -> float:
-        """See `System`."""
-        return float(self.model.stiffness.energy(self._on_all(u)[:, None])[0])
-
-    def unknowns(self, field: Field) -> Floats:
-        """Return a vector field at the free nodes, shape (size,): an initial condition, say."""
-        return self.model.dof_vector(field(self.model.nodes))[self.model.free_dofs]
-
-    def body_force(self, field: Field) -> Floats:
-        """Return the load of a force per volume, N/m^3, shape (size,)."""
-        return self.model.body_load(field)[self.model.free_dofs]
-
-    def traction(self, face: str, field: Field) -> Floats:
-        """Return the load of a traction, Pa, on a named face, shape (size,)."""
-        return self.model.face_load(face, field)[self.model.free_dofs]
-
-    def nodal(self, x: Floats) -> Floats:
-        """Return unknowns as a nodal field, shape (nnodes, dim); zero where the tissue is held."""
-        return self.model.nodal(self._on_all(x))
-
-    def _on_all(self, x: Floats) -> Floats:
-        whole = np.zeros(self.model.ndofs)
-        whole[self.model.free_dofs] = x
-        return whole
-
-    @cached_property
-    def largest_frequency(self) -> float:
-        """See `System`."""
-        return _largest(self, self.mass)
-
-
-def _sum(one: Floats | None, factor: float, other: Floats) -> Floats | None:
-    """Return ``one + factor other``, where None is zero."""
-    if not factor:
-        return one
-    return factor * other if one is None else one + factor * other
-
-
-def _weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Any:
+def weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Any:
     """Return the sum of the branches' stiffnesses, each times its share; 0 without shares."""
     return sum((share * matrix for share, (_, matrix) in zip(shares, branches, strict=False)), 0)
 
 
-def _largest(system: System, mass: Sparse) -> float:
+def largest(system: System, mass: Sparse) -> float:
     """Return the largest angular frequency by Lanczos iteration on ``inv(M) K``.
 
     Branches have no time to relax in fast motion, and add all their stiffness.
     """
     inverse = factorise(mass.tocsc())
     shape = (system.size, system.size)
-    at_once = _weighted(system.branches, [1.0] * len(system.branches))
+    at_once = weighted(system.branches, [1.0] * len(system.branches))
 
     def push(x: Floats) -> Floats:
         found = system.stiffness_times(x)
