@@ -38,8 +38,8 @@ class StaleAcceleration(ImplicitStepper):
 class WrongPredictor(ImplicitStepper):
     """Predicts without the acceleration."""
 
-    def _predicted(self, motion: Motion) -> np.ndarray:
-        return motion.u + self.step * motion.v
+    def _predictor(self) -> np.ndarray:
+        return np.array([1.0, self.step, 0.0])
 
 
 class Undamped(ImplicitStepper):
@@ -47,7 +47,8 @@ class Undamped(ImplicitStepper):
 
     def __init__(self, system: System, step: float, weights: Weights) -> None:
         super().__init__(system, step, weights)
-        self.factor = system.factor((1.0 - weights.mass) * self._inertia, 0.0, 1.0 - weights.force)
+        inertia = (1.0 - weights.mass) / (weights.beta * step**2)
+        self.factor = system.factor(inertia, 0.0, 1.0 - weights.force)
 
     def free_motion(self, motion: Motion, force: np.ndarray | None = None) -> np.ndarray:
         """Return the displacement after a step as if nothing damped."""

@@ -80,16 +80,29 @@ class ImplicitStepper:
 
     def __init__(self, system: System, step: float, weights: Weights) -> None:
         self.system, self.step, self.weights = system, step, weights
-        self._inertia = 1.0 / (weights.beta * step**2)
-        self._drag = weights.gamma / (weights.beta * step)
-        kept = 1.0 - weights.force
+        kept, inertia = 1.0 - weights.force, 1.0 / (weights.beta * step**2)
+        drag = weights.gamma * step * inertia
         self._memory = Memory(system.branches, step)
         self.factor: Factor = system.factor(
-            (1.0 - weights.mass) * self._inertia,
-            kept * self._drag,
+            (1.0 - weights.mass) * inertia,
+            kept * drag,
             kept,
             [kept * gain for gain in self._memory.gains],
         )
+        # what follows from u, v and a: rows of coefficients, applied in one product
+        predicted, u, v, a = self._predictor(), *np.eye(3)
+        self._known = system.operator(np.array([
+            (1.0 - weights.mass) * inertia * predicted - weights.mass * a,
+            kept * (drag * predicted - step * (1.0 - weights.gamma) * a) - v,
+            -weights.force * u,
+        ]) * np.array([[1.0], [system.damped], [1.0]]))  # fmt: skip
+        acceleration = inertia * (2.0 * u - predicted)  # the column of u is that of its change
+        velocity = v + step * ((1.0 - weights.gamma) * a + weights.gamma * acceleration)
+        self._new = np.array([velocity, acceleration])
+
+    def _predictor(self) -> Floats:
+        """Return what u, v and a add to the displacement without new acceleration."""
+        return np.array([1.0, self.step, self.step**2 * (0.5 - self.weights.beta)])
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
         """See `Stepper`."""
@@ -99,48 +112,23 @@ class ImplicitStepper:
         """Return the undeformed system at rest."""
         return at_rest(self.system)
 
-    def _predicted(self, motion: Motion) -> Floats:
-        dt = self.step
-        found = (dt**2 * (0.5 - self.weights.beta)) * motion.a
-        found += dt * motion.v
-        found += motion.u
-        return found
-
     def free_motion(self, motion: Motion, force: Floats | None = None) -> Floats:
         """Return the displacement after a step under a force alone, shape (n,), m.
 
         `force` is that at ``1 - weights.force`` of the step.
         """
-        w, system = self.weights, self.system
-        inertia = self._predicted(motion)
-        drag = self._drag_of(motion, inertia) if system.damped else None
-        inertia *= (1.0 - w.mass) * self._inertia
-        if w.mass:
-            inertia -= w.mass * motion.a
-        rhs = system.products(inertia, drag, -w.force * motion.u if w.force else None)
+        rhs = self._known(np.array([motion.u, motion.v, motion.a]))
         if self._memory:
-            rhs -= self._memory.carried(motion.parts, motion.u, w.force)
+            rhs -= self._memory.carried(motion.parts, motion.u, self.weights.force)
         if force is not None:
             rhs += force
         return self.factor.solve(rhs)
 
-    def _drag_of(self, motion: Motion, predicted: Floats) -> Floats:
-        """Return the velocity whose drag does not depend on the new displacement, reversed."""
-        w = self.weights
-        found = ((1.0 - w.force) * self._drag) * predicted
-        found -= motion.v
-        found -= ((1.0 - w.force) * self.step * (1.0 - w.gamma)) * motion.a
-        return found
-
     def advance(self, motion: Motion, u: Floats) -> Motion:
         """Return the motion after a step that ends at a displacement."""
-        gamma = self.weights.gamma
-        a = u - self._predicted(motion)
-        a *= self._inertia
-        v = (self.step * (1.0 - gamma)) * motion.a
-        v += motion.v
-        v += (self.step * gamma) * a
-        parts = self._memory.advance(motion.parts, u - motion.u) if self._memory else motion.parts
+        change = u - motion.u
+        v, a = self._new @ np.array([change, motion.v, motion.a])
+        parts = self._memory.advance(motion.parts, change) if self._memory else motion.parts
         return Motion(u, v, a, parts)
 
     def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:

@@ -1,15 +1,18 @@
 """What is integrated in time: ``M a + C v + K u = f`` on some unknowns."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, hstack
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from needlefem.arrays import Floats, Sparse
 from needlefem.fem.factor import Factor, factorise
+
+Operator = Callable[[Floats], Floats]
+"""Makes a force, shape (n,), of vectors, shape (k, n)."""
 
 
 class System(Protocol):
@@ -40,6 +43,13 @@ class System(Protocol):
 
     def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
         """Return ``M a + C v + K u`` by as few products as it takes; None stands for zero."""
+        ...
+
+    def operator(self, coefficients: Floats) -> Operator:
+        """Return what makes ``M a + C v + K u`` of k vectors, shape (k, n), at once.
+
+        `coefficients`, shape (3, k), say what the vectors add to a, v and u.
+        """
         ...
 
     def factor(
@@ -100,6 +110,10 @@ class MatrixSystem:
             found += self.stiffness @ u
         return found
 
+    def operator(self, coefficients: Floats) -> Operator:
+        """See `System`."""
+        return joined((self.mass, self.damping, self.stiffness), coefficients)
+
     def factor(
         self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
     ) -> Factor:
@@ -119,6 +133,17 @@ class MatrixSystem:
             values = np.linalg.eigvals(np.linalg.solve(self.mass.toarray(), stiffness.toarray()))
             return float(np.sqrt(np.max(values.real)))
         return largest(self, self.mass)
+
+
+def joined(matrices: Sequence[Sparse], coefficients: Floats) -> Operator:
+    """Return the sum of matrices times sums of vectors as one product with a wide matrix.
+
+    `coefficients` has a row for every matrix; those of zeros cost nothing.
+    """
+    used = np.flatnonzero(np.any(coefficients, axis=1))
+    rows = np.ascontiguousarray(coefficients[used])
+    matrix = hstack([matrices[int(i)] for i in used], format="csr")
+    return lambda vectors: matrix @ (rows @ vectors).ravel()
 
 
 def weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Any:

@@ -8,7 +8,7 @@ from scipy.sparse import diags_array
 
 from needlefem.arrays import Floats, Sparse
 from needlefem.dynamics.damping import Damping
-from needlefem.dynamics.systems import largest, weighted
+from needlefem.dynamics.systems import Operator, joined, largest, weighted
 from needlefem.errors import CaseError
 from needlefem.fem.assembly import Field
 from needlefem.fem.factor import Factor, factorise
@@ -70,6 +70,17 @@ class TissueSystem:
             return np.zeros(self.size) if u is None else self.stiffness_times(u)
         found = self.mass_times(a)
         return found if u is None else found + self.stiffness_times(u)
+
+    def operator(self, coefficients: Floats) -> Operator:
+        """See `System`."""
+        rate, time = self.rayleigh.mass_rate, self.rayleigh.stiffness_time
+        rows = np.array([[1.0, rate, 0.0], [0.0, time, 1.0]]) @ coefficients
+        if self.model.element.definite:
+            return joined((self.mass, self._stiffness), rows)
+        inertia, elastic = joined((self.mass,), rows[:1]), rows[1]
+        if not elastic.any():
+            return inertia
+        return lambda vectors: inertia(vectors) + self.stiffness_times(elastic @ vectors)
 
     def factor(
         self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
