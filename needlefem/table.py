@@ -21,6 +21,8 @@ class Table:
         A sentence under it.
     summary : mapping
         Named results, for a case's expectations.
+    charts : mapping
+        Pictures of it as SVG, by title.
     """
 
     title: str
@@ -29,6 +31,7 @@ class Table:
     passed: bool = True
     note: str = ""
     summary: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    charts: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def text(self) -> str:
         """Return the table as aligned text."""

@@ -1,9 +1,12 @@
 """D4 and D5: central differences at their limit, and a wave in a bar through every integrator."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import diags_array
 
 from needlefem.checks.problem import Answer, Findings, Problem
+from needlefem.checks.race import INTEGRATORS, Race
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -113,6 +116,42 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers)
 
 
+CHOICES: dict[str, tuple[Integrator, bool]] = {
+    "Newmark": (Newmark(), False),
+    "Newmark, lumped": (Newmark(), True),
+    "HHT -0.05": (HHT(alpha=-0.05), False),
+    "generalised-alpha 0.8": (GeneralizedAlpha(rho_inf=0.8), False),
+    "central diff.": (CentralDifference(), False),
+    "central diff., lumped": (CentralDifference(), True),
+}
+"""Integrator, and whether the mass is lumped."""
+
+
+def racing(integrator: Integrator, lumped: bool) -> Callable[[int], tuple[int, float]]:
+    """Return an entrant: explicit ones at their limit, others with half a cell a step."""
+
+    def go(level: int) -> tuple[int, float]:
+        system = bar(20 * 2**level, lumped=lumped)
+        share = 0.5
+        if isinstance(integrator, CentralDifference):
+            share = system.size * critical_step(system)
+            share = 1.0 / np.ceil(1.0 / min(share, 1.0) - 1e-9)  # a whole number of steps
+        return system.size, impact(integrator, system, share, 4.0)[0]
+
+    return go
+
+
+RACES = [
+    Race(
+        title="step load on a bar",
+        quantity="displacement of its end, rms",
+        about=INTEGRATORS,
+        entrants={name: racing(*choice) for name, choice in CHOICES.items()},
+        levels=(0, 1, 2, 3),
+        measure=lambda found: found,
+        target=1e-2,
+    )
+]
 PROBLEM = Problem(
     name="bar and critical step",
     requirement="Explicit integration is exact at its limit in a bar, grows without bound above "
@@ -122,4 +161,5 @@ PROBLEM = Problem(
     "another code (consistent mass, half a cell a step, two periods)",
     why="round-off; two digits of another code; ringing (Gibbs) does not go away with cells",
     run=run,
+    races=RACES,
 )

@@ -4,9 +4,11 @@ import numpy as np
 
 from needlefem.checks.models import square_mesh, tissue
 from needlefem.checks.problem import Answer, Findings, Problem
+from needlefem.checks.race import elements_race
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modes import modes
 from needlefem.elements import CATALOGUE
+from needlefem.fem.space import Space
 from needlefem.materials import Isotropic
 
 EXACT = np.sqrt(2.0) * np.pi
@@ -44,6 +46,11 @@ def frequency(
     return float(found[np.argmax(alike)]) if alike.max() > like else np.nan
 
 
+def unknowns(divisions: int, name: str) -> int:
+    """Return the displacements of a square."""
+    return Space(square_mesh(CATALOGUE[name], divisions), CATALOGUE[name]).ndofs
+
+
 def run(quick: bool) -> Findings:
     """Compare the first Lame mode of elements at both ratios."""
     answers = []
@@ -66,6 +73,17 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers)
 
 
+RACES = [
+    elements_race(
+        title=f"free vibration, nu {ratio:g}",
+        quantity="frequency",
+        ratio=ratio,
+        solve=lambda e, n, nu=ratio: (n, e.name, frequency(e.name, n, nu, like=0.5)),
+        measure=lambda found: (unknowns(*found[:2]), abs(found[2] / EXACT - 1.0)),
+        levels=(4, 8, 16, 32),
+    )
+    for ratio in (0.3, 0.4999)
+]
 PROBLEM = Problem(
     name="Lame modes",
     requirement="A free square vibrates in shear with a frequency that Poisson's ratio does not "
@@ -74,4 +92,5 @@ PROBLEM = Problem(
     why="errors of another code on the same grids (P1 0.067 %, Q1 0.090 %, P2 0.023 %, Q2 0.0037 "
     "%; 0.018 % for P2 at nu 0.4999); those of elements with a cure by their degree",
     run=run,
+    races=RACES,
 )

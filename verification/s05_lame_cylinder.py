@@ -4,6 +4,7 @@ import numpy as np
 
 from needlefem.checks.models import for_bent_cells, mapped_mesh
 from needlefem.checks.problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.race import elements_race
 from needlefem.checks.sweep import order_answer, sweep
 from needlefem.elements import CATALOGUE, ElementRow
 from needlefem.errors import CaseError
@@ -195,6 +196,18 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers, curves=curves, shapes=shapes)
 
 
+RACES = [
+    elements_race(
+        title=f"thick cylinder, nu {ratio:g}",
+        quantity="displacement, L2",
+        ratio=ratio,
+        solve=lambda element, level, nu=ratio: solve(element, level, nu),
+        measure=lambda s, nu=ratio: (s.free, s.l2_error(Cylinder(nu).displacement)),
+        levels=(1, 2, 4, 8, 16),
+        target=1e-4,
+    )
+    for ratio in (0.3, 0.49, 0.4999)
+]
 PROBLEM = Problem(
     name="Lame cylinder",
     requirement="Displacement and mean stress of a thick cylinder are right, for any Poisson's "
@@ -204,4 +217,5 @@ PROBLEM = Problem(
     "251 unknowns near incompressibility; orders within 0.15; errors that another code has to "
     "the two digits given; two digits of the error of P2-P1 stay as nu nears 1/2",
     run=run,
+    races=RACES,
 )

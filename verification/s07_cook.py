@@ -6,6 +6,7 @@ import numpy as np
 
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.problem import Answer, Findings, Problem, Shape
+from needlefem.checks.race import elements_race
 from needlefem.checks.sweep import sweep
 from needlefem.elements import CATALOGUE, ElementRow
 from needlefem.fem.statics import Solution, Statics
@@ -134,6 +135,18 @@ def run(quick: bool) -> Findings:
     return dataclasses.replace(found, answers=[*answers, *found.answers])
 
 
+RACES = [
+    elements_race(
+        title=f"Cook, plane {case.plane}, nu {case.ratio:.4g}",
+        quantity="displacement of the corner",
+        ratio=0.0 if case.plane == "stress" else case.ratio,
+        solve=lambda element, level, c=case: solve(element, level, c),
+        measure=lambda s, c=case: (s.free, abs(corner(s) / c.corner[1] - 1.0)),
+        levels=(4, 8, 16, 32, 64),
+        target=1e-2,
+    )
+    for case in (CASES[0], RUBBER)
+]
 PROBLEM = Problem(
     name="Cook's membrane",
     requirement="A tapered panel in shear deflects as it should; linear elements lock near "
@@ -143,4 +156,5 @@ PROBLEM = Problem(
     why="1 %: the clamped corner's singularity limits every element to first order; two "
     "codes on the same grid agree to the last digit given",
     run=run,
+    races=RACES,
 )

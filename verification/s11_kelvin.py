@@ -4,6 +4,7 @@ import numpy as np
 
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.race import elements_race
 from needlefem.checks.sweep import sweep
 from needlefem.elements import CATALOGUE, ElementRow
 from needlefem.fem.statics import Solution, Statics
@@ -102,6 +103,16 @@ def worst_place(element: ElementRow, level: int) -> float:
     return max(abs(under_the_force(solve(element, level, place))) for place in PLACES.values())
 
 
+RACES = [
+    elements_race(
+        title=f"spread force, nu {RATIO:g}",
+        quantity="displacement under it",
+        ratio=RATIO,
+        solve=lambda element, level: solve(element, level, PLACES["anywhere"]),
+        measure=lambda s: (s.free, abs(under_the_force(s))),
+        levels=(1, 2, 4, 8),
+    )
+]
 PROBLEM = Problem(
     name="spread force",
     requirement="The displacement under a force that is spread over a blob converges, wherever in "
@@ -110,4 +121,5 @@ PROBLEM = Problem(
     why="1 % with two quadratic elements a radius, 0.1 % with four, 0.14 % at "
     "the worst place: the rule for the elements along a needle",
     run=run,
+    races=RACES,
 )

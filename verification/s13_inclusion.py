@@ -6,6 +6,7 @@ import numpy as np
 
 from needlefem.checks.models import joined, mapped_mesh
 from needlefem.checks.problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.race import elements_race
 from needlefem.checks.sweep import no_slower, sweep
 from needlefem.elements import CATALOGUE, ElementRow
 from needlefem.fem.statics import Solution, Statics
@@ -169,6 +170,18 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers, curves=curves, shapes=shapes)
 
 
+RACES = [
+    elements_race(
+        title=f"stiff disc, {name}",
+        quantity="displacement, L2",
+        ratio=case.ratio,
+        solve=lambda element, level, c=case: solve(element, level, c),
+        measure=lambda s, c=case: (s.free, s.l2_error(Field(c).displacement)),
+        levels=(1, 2, 4, 8),
+    )
+    for name, case in CASES.items()
+    if case.disc < 1e6
+]
 PROBLEM = Problem(
     name="inclusion",
     requirement="A disc of another stiffness is strained evenly, as far from it as near.",
@@ -177,4 +190,5 @@ PROBLEM = Problem(
     why="1 % with 880 displacements (Q2), 0.1 % with 3,552; a polygon stands for the circle, so "
     "that every element is of second order",
     run=run,
+    races=RACES,
 )

@@ -7,12 +7,14 @@ from needlefem.errors import CaseError, nearest
 from needlefem.table import Table
 
 Benchmark = Callable[[str], Table]
-"""Takes the path of a case."""
+"""Takes the path of a case, or of the folder of reference problems."""
 
 BENCHMARKS = {
     "plan": "stages of a plan in milliseconds and in back-substitutions of its own model",
     "tissue": "a time step of the tissue beside its bare products and its back-substitution",
     "solvers": "orders of the factorisation, for definite and for mixed elements",
+    "elements": "error against seconds of elements in the reference problems",
+    "integrators": "error against seconds of integrators, with elements and kinds of mass",
     "process": "the whole plan command against importing scikit-fem",
 }
 

@@ -4,6 +4,8 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 
+LONG = 1.0
+"""Seconds after which a task is not repeated."""
 Timed = Mapping[str, Callable[[], object]]
 
 
@@ -22,3 +24,13 @@ def in_turn(tasks: Timed, rounds: int) -> dict[str, list[float]]:
 def median(values: list[float]) -> float:
     """Return the median."""
     return statistics.median(values)
+
+
+def seconds_of(task: Callable[[], object], rounds: int) -> tuple[list[float], object]:
+    """Run a task some rounds, fewer when it is long, and return its seconds and its answer."""
+    seconds: list[float] = []
+    while len(seconds) < rounds and (len(seconds) < 1 or sum(seconds) < LONG):
+        start = time.perf_counter()
+        answer = task()
+        seconds.append(time.perf_counter() - start)
+    return seconds, answer

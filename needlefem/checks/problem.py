@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from needlefem.checks.race import Race
 from needlefem.errors import CaseError, nearest
 from needlefem.fem.statics import Solution
 
@@ -133,6 +134,8 @@ class Problem:
     run : callable
         Takes whether to be quick (coarse meshes, seconds) and returns the findings. Answers of
         a quick run are among those of a whole one, under the same labels.
+    races : sequence of Race
+        What it is good for as a benchmark.
     """
 
     name: str
@@ -140,6 +143,7 @@ class Problem:
     reference: str
     why: str
     run: Callable[[bool], Findings]
+    races: Sequence[Race] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,12 @@
 """``needlefem bench``."""
 
 import argparse
+from pathlib import Path
 
 from needlefem.bench import BENCHMARKS, benchmark
 from needlefem.cli.common import say, say_json
+from needlefem.output.files import write_json, write_text
+from needlefem.output.verification.page import chart_page
 
 
 def main(options: argparse.Namespace) -> int:
@@ -13,8 +16,14 @@ def main(options: argparse.Namespace) -> int:
             say(f"{name:14s}{sentence}")
         return 0
     table = benchmark(options.benchmark)(options.case)
+    record = {"benchmark": options.benchmark, **table.record()}
     if options.json:
-        say_json({"benchmark": options.benchmark, **table.record()})
+        say_json(record)
     else:
         say(table.text())
+    if options.out:
+        folder = Path(options.out)
+        write_json(folder / f"{options.benchmark}.json", record)
+        if table.charts:
+            write_text(folder / f"{options.benchmark}.html", chart_page(table.title, table.charts))
     return 0 if table.passed else 1

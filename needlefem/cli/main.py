@@ -122,7 +122,10 @@ def _study(parser: argparse.ArgumentParser) -> None:
 
 def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("benchmark", help="name of the benchmark; 'list' names them")
-    parser.add_argument("case", nargs="?", default="", help="path of a case.toml")
+    parser.add_argument(
+        "case", nargs="?", default="", help="path of a case.toml, or of the reference problems"
+    )
+    parser.add_argument("--out", metavar="DIR", help="write JSON and charts there")
 
 
 _OPTIONS = {

@@ -50,6 +50,12 @@ def write_json(path: Path, record: Any) -> None:
         part.write_text(to_json(record) + "\n", encoding="utf-8")
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text."""
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 def write_csv(path: Path, header: list[str], columns: np.ndarray) -> None:
     """Write columns, shape (n, len(header)), under a header that names units."""
     with whole_file(path) as part:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
@@ -89,10 +89,20 @@ def _passed(report: Report) -> bool:
 def html(reports: Sequence[Report], *, quick: bool) -> str:
     """Return the page."""
     body = "".join([_summary(reports, quick), _overview(reports), *map(_problem, reports)])
+    return _document("verification", body)
+
+
+def chart_page(title: str, charts: Mapping[str, str]) -> str:
+    """Return a page of charts."""
+    shown = "".join(charts.values())
+    return _document(title, f'<h1>{escape(title)}</h1><div class="charts">{shown}</div>')
+
+
+def _document(title: str, body: str) -> str:
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>needlefem: verification</title><style>{STYLE}</style></head>"
+        f"<title>needlefem: {escape(title)}</title><style>{STYLE}</style></head>"
         f"<body>{body}</body></html>\n"
     )
 
