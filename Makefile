@@ -26,7 +26,7 @@ help:
 	@echo "make types      mypy"
 	@echo "make studies    every study behind the documentation's tables (half an hour)"
 	@echo "make calibrate  calibrate the paper's scene anew (an hour)"
-	@echo "make bench      what a plan costs"
+	@echo "make bench      what a plan, a time step and an accuracy cost"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -81,6 +81,9 @@ bench: install
 	$(BIN)/needlefem bench plan $(PAPER)
 	$(BIN)/needlefem bench plan $(RESOLVED)
 	$(BIN)/needlefem bench solvers $(RESOLVED)
+	$(BIN)/needlefem bench tissue $(RESOLVED)
+	$(BIN)/needlefem bench elements verification --out $(OUT)/bench
+	$(BIN)/needlefem bench integrators verification --out $(OUT)/bench
 
 clean:
 	rm -rf $(VENV) $(OUT)
