@@ -5,20 +5,36 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem.arrays import Floats, Ints
-from needlefem.insertion.result import Insertion
+from needlefem.fem.model import Model
+from needlefem.insertion.result import Insertion, State
+from needlefem.needle.functionals import Piece
 
 
 def loads(insertion: Insertion, states: Sequence[int]) -> Floats:
     """Return the needle's forces on the tissue in some states, shape (ndofs, nstates), N (N/m)."""
     model, frame = insertion.model, insertion.axis.frame
-    found = np.zeros((model.ndofs, len(states)))
-    for column, number in enumerate(states):
-        state = insertion.states[number]
-        force = np.concatenate([[state.tip_force], state.tip_lateral]) @ frame
-        _add(found[:, column], model.node_dofs[state.tip_nodes], state.tip_weights, force)
-        forces = np.column_stack([state.axial, state.lateral]) @ frame
-        for piece, on_piece in zip(insertion.pieces, forces, strict=False):
-            _add(found[:, column], model.node_dofs[piece.nodes], piece.weights, on_piece)
+    found = [load(model, frame, insertion.states[n], insertion.pieces) for n in states]
+    return np.column_stack(found)
+
+
+def load(model: Model, frame: Floats, state: State, pieces: Sequence[Piece]) -> Floats:
+    """Return the needle's forces on the tissue in a state, shape (ndofs,), N (N/m in 2D).
+
+    Parameters
+    ----------
+    model : Model
+    frame : array, shape (dim, dim)
+        The needle's.
+    state : State
+    pieces : sequence of Piece
+        Of the whole path.
+    """
+    found = np.zeros(model.ndofs)
+    force = np.concatenate([[state.tip_force], state.tip_lateral]) @ frame
+    _add(found, model.node_dofs[state.tip_nodes], state.tip_weights, force)
+    forces = np.column_stack([state.axial, state.lateral]) @ frame
+    for piece, on_piece in zip(state.filled(pieces), forces, strict=True):
+        _add(found, model.node_dofs[piece.nodes], piece.weights, on_piece)
     return found
 
 

@@ -28,7 +28,10 @@ class Ledger:
     """Energies of an insertion from its first to its last state, J (J/m in 2D).
 
     `identity` is the largest mismatch of any step between the change of strain energy and the
-    work of all forces on the tissue, relative to the needle's work.
+    work of all forces on the tissue, relative to the needle's work. Motions that go back and
+    forth have more: `contact` is what the crack front takes where the tip leaves it or comes
+    back within a step, `relaxation` what viscous tissue takes, `turnover` the work of all steps
+    whatever its sign, `least` the least that friction, cutting or snaps took in a step.
     """
 
     work: float
@@ -39,16 +42,21 @@ class Ledger:
     snap: float
     capture: float
     identity: float
+    contact: float = 0.0
+    relaxation: float = 0.0
+    turnover: float = 0.0
+    least: float = 0.0
 
     @property
     def residual(self) -> float:
-        """What is missing, relative to the needle's work."""
+        """What is missing, relative to the needle's work (its turnover in any motion)."""
         spent = self.strain + self.hold + self.friction + self.cutting + self.snap + self.capture
-        return abs(self.work - spent) / abs(self.work) if self.work else 0.0
+        scale = self.turnover or abs(self.work)
+        return abs(self.work - spent - self.contact - self.relaxation) / scale if scale else 0.0
 
 
 def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
-    """Return the energy ledger of an insertion.
+    """Return the energy ledger of an insertion that was marched along its path.
 
     Parameters
     ----------

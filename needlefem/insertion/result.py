@@ -1,12 +1,14 @@
 """The outcome of an insertion."""
 
 import dataclasses
+from collections.abc import Sequence
 from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, Vector
+from needlefem.fem.interpolation import Weights
 from needlefem.fem.model import Model
 from needlefem.needle.axis import Axis
 from needlefem.needle.functionals import Piece
@@ -25,6 +27,16 @@ class Status(StrEnum):
     LEFT_TISSUE = "left_tissue"
 
 
+class Way(StrEnum):
+    """What the tip does."""
+
+    PRESSING = "pressing"
+    CUTTING = "cutting"
+    JUMPING = "jumping"
+    WITHDRAWN = "withdrawn"
+    OUT = "out"
+
+
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """A status with a sentence."""
@@ -36,6 +48,8 @@ class Outcome:
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """Needle and tissue in equilibrium at one depth (or, while `jumping`, inside a snap).
+
+    Pieces are those of the path that the needle lies in, from the entry on.
 
     Parameters
     ----------
@@ -59,6 +73,18 @@ class State:
         Mean displacement of the pieces, in the needle's frame.
     jumping : bool
         The tip is running ahead at fixed depth: this state can't be held.
+    time : float, s
+        From the first touch on.
+    covered : float, m
+        Length of the cut path that the needle lies in.
+    end : Piece, optional
+        The piece that the tip is in, which the needle fills in part: the last of the pieces.
+    slipping : array, shape (npieces,)
+        1: the needle slips forward in the piece, -1: backward, 0: they stick.
+    way : Way
+        What the tip does: it presses on the crack front, cuts, or is drawn back on its path.
+    tip_moved : float, m
+        Axial mean displacement over the tip's kernel.
     """
 
     depth: float
@@ -72,11 +98,81 @@ class State:
     lateral: Floats
     moved: Floats
     jumping: bool = False
+    time: float = 0.0
+    covered: float = 0.0
+    end: Piece | None = None
+    slipping: Ints | None = None
+    way: Way = Way.CUTTING
+    tip_moved: float = 0.0
+
+    @property
+    def whole(self) -> int:
+        """Number of pieces that the needle fills."""
+        return len(self.axial) - (self.end is not None)
+
+    def filled(self, pieces: Sequence[Piece]) -> tuple[Piece, ...]:
+        """Return the pieces that the needle lies in, of those of the whole path."""
+        whole = tuple(pieces[: self.whole])
+        return whole if self.end is None else (*whole, self.end)
 
     @property
     def force(self) -> float:
         """Axial force on the needle, N (N/m in 2D)."""
         return self.tip_force + float(np.sum(self.axial))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Event:
+    """Something that happens at a moment.
+
+    Parameters
+    ----------
+    kind : str
+        ``puncture``, ``cutting`` (again), ``snap``, ``withdrawal``, ``return`` (to the crack
+        front), ``exit``, ``entry``, ``breakaway`` (the last piece that stuck slips), ``grip``
+        (the last that slipped sticks), ``release``.
+    time : float, s
+    depth : float, m
+    point : array, shape (dim,), m
+        Material point at the tip.
+    energy : float, J (J/m in 2D)
+        What the step took that ends there: friction, cutting, snap.
+    name : str
+        Of what was released.
+    """
+
+    kind: str
+    time: float
+    depth: float
+    point: Vector
+    energy: float
+    name: str = ""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Seed:
+    """What the tip let go of: a seed, the place of a biopsy, an injection.
+
+    Parameters
+    ----------
+    name : str
+    time : float, s
+    released_at : array, shape (dim,), m
+        Tip in the world.
+    point : array, shape (dim,), m
+        Material point at the tip: where it comes to rest.
+    weights : Weights
+        The mean displacement of what it lies in is ``weights.of(field)``.
+    inside : bool
+        Whether the tip was in the tissue.
+    """
+
+    name: str
+    time: float
+    released_at: Vector
+    point: Vector
+    weights: Weights
+    inside: bool
 
 
 @dataclasses.dataclass(frozen=True)

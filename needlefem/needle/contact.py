@@ -6,6 +6,8 @@ these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Late
 the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
 """
 
+import dataclasses
+
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
@@ -15,8 +17,33 @@ from needlefem.fem.responses import Responses
 from needlefem.needle.functionals import Piece, Trial
 
 
+@dataclasses.dataclass(frozen=True)
+class Sliding:
+    """Axial displacement of the covered pieces when lateral forces follow.
+
+    Parameters
+    ----------
+    compliance : array, shape (covered, covered), m/N
+        Response to axial forces on them.
+    displacement : array, shape (covered,), m
+        Without axial forces.
+    half : array, shape (covered laterals, covered)
+        ``L^-1`` times the response of lateral to axial components.
+    held : array, shape (covered laterals,)
+        ``L^-1`` times what the lateral hold has to close without axial forces.
+    """
+
+    compliance: Floats
+    displacement: Floats
+    half: Floats
+    held: Floats
+
+
 class Contact:
     """The path's pieces and their responses; grows as the needle advances.
+
+    A needle drawn back lies in the first `covered` pieces of its path; what belongs to these is
+    the leading part of everything kept here.
 
     Parameters
     ----------
@@ -34,6 +61,7 @@ class Contact:
         self.responses, self.frame = responses, frame
         self.dim = len(frame)
         self.pieces: list[Piece] = []
+        self.covered = 0
         self.axial: Floats = np.zeros(0)
         self.background = background
         self._loads: list[tuple[Ints, Floats]] = []
@@ -46,7 +74,7 @@ class Contact:
     @property
     def _laterals(self) -> Ints:
         """Path rows of lateral components."""
-        rows = np.arange(len(self.pieces) * self.dim).reshape(-1, self.dim)
+        rows = np.arange(self._size).reshape(-1, self.dim)
         return rows[:, 1:].ravel()
 
     def try_functionals(self, weights: Weights) -> Trial:
@@ -58,7 +86,7 @@ class Contact:
         response = self.responses.respond(rows, loads)
         bare = loads @ response.at(rows)
         coupling = loads @ self._columns[rows, : self._size]
-        displacement = coupling[:, :: self.dim] @ self.axial
+        displacement = coupling[:, :: self.dim] @ self.axial[: self.covered]
         if self.background is not None:
             displacement += (weights.of(self.background) @ self.frame.T).ravel()
         half = self._forward(coupling[:, self._laterals].T)
@@ -68,7 +96,7 @@ class Contact:
 
     def _forward(self, rhs: Floats) -> Floats:
         """Return ``L^-1 rhs``."""
-        if not self.pieces:
+        if not self.covered:
             return rhs
         solved, _ = dtrtrs(self._factor, rhs, lower=1)
         found: Floats = solved
@@ -76,7 +104,7 @@ class Contact:
 
     @property
     def _factor(self) -> Floats:
-        size = len(self.pieces) * (self.dim - 1)
+        size = self.covered * (self.dim - 1)
         return self._cholesky[:size, :size]
 
     def _follow_growth(self) -> None:
@@ -90,10 +118,32 @@ class Contact:
                 self._columns[self._known_rows : size, columns] = new
             self._known_rows = size
 
+    def field_at(
+        self, nodes: Ints, path: Floats, trial: Trial | None, forces: Floats
+    ) -> Floats:
+        """Return the displacement of nodes under forces, shape (len(nodes), dim), m.
+
+        Parameters
+        ----------
+        nodes : array, shape (k,)
+        path : array, shape (n,)
+            Forces on the first pieces, needle's frame, piece-major.
+        trial : Trial, optional
+            Functionals on which there are forces as well.
+        forces : array, shape (rows,)
+            Forces on them.
+        """
+        rows = self.responses.rows(nodes)
+        self._follow_growth()
+        moved: Floats = self._columns[rows, : len(path)] @ path
+        if trial is not None:
+            moved = moved + trial.response.at(rows) @ forces
+        return moved.reshape(-1, self.dim)
+
     def adopt(
         self, trial: Trial, which: int, axial: float, offset: Floats, compliance: float
     ) -> None:
-        """Make a tried functional a piece of the path.
+        """Make a tried functional a piece of the path, all of which is covered.
 
         Parameters
         ----------
@@ -132,25 +182,49 @@ class Contact:
         used = np.flatnonzero(row)
         self.pieces.append(Piece(trial.weights.nodes[used], row[used], offset, compliance))
         self.axial = np.append(self.axial, axial)
+        self.covered = number + 1
+        self.balance()
+
+    def cover(self, count: int) -> None:
+        """Let the needle lie in the first `count` pieces."""
+        self.covered = count
         self.balance()
 
     def balance(self) -> None:
         """Prepare the elimination of lateral forces for the present friction and background."""
-        if self.pieces:
-            gap = np.concatenate([piece.offset for piece in self.pieces])
-            free = self._w[self._laterals, : self._size : self.dim] @ self.axial
-            self._reduced = self._forward(-(gap + free + self._background()[self._laterals]))
+        self._reduced = np.zeros(0)
+        if self.covered:
+            free = self._w[self._laterals, : self._size : self.dim] @ self.axial[: self.covered]
+            self._reduced = self._forward(-(self._gap() + free))
+
+    def _gap(self) -> Floats:
+        """Lateral distance of the covered pieces from the axis without any force on them."""
+        gap = np.concatenate([piece.offset for piece in self.pieces[: self.covered]])
+        found: Floats = gap + self._background()[self._laterals]
+        return found
+
+    def sliding(self) -> Sliding:
+        """Return how the covered pieces move along the needle when nothing is said of friction."""
+        axials = np.arange(0, self._size, self.dim)
+        half, held = np.zeros((0, len(axials))), np.zeros(0)
+        if self.covered:
+            half = self._forward(self._w[np.ix_(self._laterals, axials)])
+            held = self._forward(-self._gap())
+        compliance = self._w[np.ix_(axials, axials)] - half.T @ half
+        displacement = self._background()[axials] + half.T @ held
+        return Sliding(compliance, displacement, half, held)
 
     @property
     def _size(self) -> int:
-        return len(self.pieces) * self.dim
+        return self.covered * self.dim
 
     def _background(self) -> Floats:
         """Displacement of the pieces without the needle, path rows."""
         if self.background is None:
             return np.zeros(self._size)
         field = self.background
-        means = np.array([piece.weights @ field[piece.nodes] for piece in self.pieces])
+        covered = self.pieces[: self.covered]
+        means = np.array([piece.weights @ field[piece.nodes] for piece in covered])
         rows: Floats = (means @ self.frame.T).ravel()
         return rows
 
@@ -164,7 +238,7 @@ class Contact:
         forces : array, shape (rows,)
             Forces on the trial's functionals.
         """
-        if not self.pieces:
+        if not self.covered:
             return np.zeros((0, self.dim - 1))
         rhs = self._reduced - trial.half @ forces
         solved, _ = dtrtrs(self._factor, rhs, lower=1, trans=1)
@@ -187,7 +261,7 @@ class Contact:
         array, shape (npieces + functionals, dim), m
             In the needle's frame: axial, then lateral components.
         """
-        path = np.hstack([self.axial[:, None], laterals]).ravel()
+        path = np.hstack([self.axial[: self.covered, None], laterals]).ravel()
         w = self._w[: self._size, : self._size]
         pieces = w @ path + trial.coupling.T @ forces + self._background()
         tried = trial.coupling @ path + trial.bare @ forces

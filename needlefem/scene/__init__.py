@@ -10,6 +10,7 @@ from needlefem.scene.parts import (
     Planning,
     Region,
     Scene,
+    Stage,
     Support,
     TargetDraw,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "Refinement",
     "Region",
     "Scene",
+    "Stage",
     "Support",
     "TargetDraw",
     "field_of",

@@ -61,6 +61,18 @@ class Discretisation:
         low=0.0,
         closed=True,
     )
+    integrator: str = knob(
+        "March along the path, equilibrium step by step, or what the scene needs",
+        default="auto",
+        choices=("auto", "march", "quasi-static"),
+    )
+    time_step: float = knob(
+        "Longest time step; 0: that of half a piece of the path at the motion's speed",
+        "time",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -88,11 +100,47 @@ class Needle:
         default=1e9,
         low=0.0,
     )
+    static_friction: float = knob(
+        "Friction limit of what sticks, over that of what slips", default=1.0, low=1.0, closed=True
+    )
+    weakening_length: float = knob(
+        "Slip over which friction falls from static to kinetic",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    stick_stiffness: float = knob(
+        "Stiffness of sticking along the needle, per unit of its length; 0: rigid",
+        "lateral stiffness",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A part of the needle's motion: to a depth, or at rest for a time."""
+
+    to: float | None = knob("Depth at its end", "length", default=None)
+    speed: float | None = knob(
+        "Speed, where it differs from the motion's", "speed", default=None, low=0.0
+    )
+    hold: float | None = knob("How long the needle rests", "time", default=None, low=0.0)
+    release: str | None = knob("What the tip lets go of at its end, by a name", default=None)
+    train: int | None = knob(
+        "How many seeds are laid while retracting, the first where it starts",
+        default=None,
+        low=1.0,
+        closed=True,
+    )
+    pitch: float | None = knob("Distance of seeds in a train", "length", default=None, low=0.0)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A straight insertion at constant speed."""
+    """A straight insertion at constant speed, or what stages or a table say."""
 
     direction: Coordinates = knob("Direction of insertion")
     entry: Coordinates = knob(
@@ -102,6 +150,11 @@ class Motion:
     )
     max_depth: float = knob("Largest feasible depth of the tip", "length", low=0.0)
     speed: float = knob("Speed of insertion", "speed", default=5e-3, low=0.0)
+    stages: tuple[Stage, ...] = knob(
+        "Insert, hold, retract: one table for each; one insertion when left out", default=()
+    )
+    times: Coordinates = knob("Times of a table, instead of stages", "time", default=())
+    depths: Coordinates = knob("Depths at these times", "length", default=())
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

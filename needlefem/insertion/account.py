@@ -1,0 +1,165 @@
+"""The energy ledger of any motion, step by step and in constant memory.
+
+As `insertion/ledger.py`, of which it keeps the terms: forces are taken as their means over a
+step, every functional of the displacement that carries a force at either end as itself. What
+the needle fills in part is a different functional at both ends; its friction is that of both
+slips, and its lateral hold gives or takes ``force x gap / 2`` of what it catches or lets go.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.fem.interpolation import Weights
+from needlefem.insertion.contactstep import Field
+from needlefem.insertion.ledger import Ledger
+from needlefem.insertion.result import State, Way
+from needlefem.needle.functionals import Piece
+
+
+@dataclasses.dataclass
+class Account:
+    """Energies since the first state, J (J/m in 2D).
+
+    Attributes
+    ----------
+    least : float
+        The least that friction, cutting and snaps took in a step: none may give.
+    mismatch : float
+        Largest difference of a step's work from all that it was spent on (elastic tissue).
+    turnover : float
+        Work of all steps, whatever its sign.
+    """
+
+    pieces: Sequence[Piece]
+    work: float = 0.0
+    strain: float = 0.0
+    hold: float = 0.0
+    friction: float = 0.0
+    cutting: float = 0.0
+    snap: float = 0.0
+    capture: float = 0.0
+    contact: float = 0.0
+    relaxation: float = 0.0
+    least: float = 0.0
+    mismatch: float = 0.0
+    turnover: float = 0.0
+
+    def add(self, old: State, new: State, fields: tuple[Field, Field]) -> tuple[float, float]:
+        """Account for a step; return what friction took, and what the tip took."""
+        travel = new.depth - old.depth
+        sides = (
+            _Side(old, fields[1], self.pieces, new),
+            _Side(new, fields[0], self.pieces, old),
+        )
+        work = 0.5 * (old.force + new.force) * travel
+        signed = list(zip(sides, (1, -1), strict=True))
+        friction = 0.5 * sum(side.friction(travel, sign) for side, sign in signed)
+        tip = [0.5 * side.tip(travel, sign) for side, sign in signed]
+        parts = _tip_parts(old, new, tip)
+        hold = _hold(new, self.pieces) - _hold(old, self.pieces)
+        capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
+        strain = _strain(new) - _strain(old)
+        self.mismatch = max(
+            self.mismatch, abs(work - strain - friction - sum(parts) - hold - capture)
+        )
+        self.work += work
+        self.turnover += abs(work)
+        self.strain += strain
+        self.hold += hold
+        self.friction += friction
+        self.cutting += parts[0]
+        self.snap += parts[1]
+        self.contact += parts[2]
+        self.capture += capture
+        self.least = min(self.least, friction, parts[0], parts[1])
+        return friction, sum(parts)
+
+
+    def begin(self, found: Ledger) -> None:
+        """Go on from the ledger of a march."""
+        for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
+            setattr(self, name, getattr(found, name))
+        self.turnover, self.mismatch = abs(found.work), found.identity * abs(found.work)
+
+    def set_tissue(self, strain: float, relaxation: float) -> None:
+        """Take the tissue's energies, stored and lost, from a medium with a memory."""
+        self.strain, self.relaxation, self.mismatch = strain, relaxation, 0.0
+
+    def ledger(self) -> Ledger:
+        """Return the energies."""
+        return Ledger(
+            work=self.work,
+            strain=self.strain,
+            hold=self.hold,
+            friction=self.friction,
+            cutting=self.cutting,
+            snap=self.snap,
+            capture=self.capture,
+            contact=self.contact,
+            relaxation=self.relaxation,
+            turnover=self.turnover,
+            least=self.least,
+            identity=self.mismatch / self.turnover if self.turnover else 0.0,
+        )
+
+
+class _Side:
+    """The functionals with a force at one end of a step, in the fields of both ends."""
+
+    def __init__(self, own: State, other: Field, pieces: Sequence[Piece], at_other: State) -> None:
+        self.own = own
+        self.common = min(own.whole, at_other.whole)
+        elsewhere = [at_other.moved[: self.common]]
+        for number in range(self.common, len(own.axial)):
+            piece = _piece(own, number, pieces)
+            elsewhere.append(other.means(Weights(piece.nodes, piece.weights[None])))
+        self.elsewhere: Floats = np.concatenate(elsewhere)
+        """Displacement of the own pieces in the other field, shape (npieces, dim), m."""
+        tip = Weights(own.tip_nodes, own.tip_weights[None])
+        self.tip_elsewhere = float(other.means(tip)[0, 0])
+
+    def friction(self, travel: float, sign: int) -> float:
+        apart = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
+        return float(self.own.axial @ apart)
+
+    def tip(self, travel: float, sign: int) -> float:
+        return travel - sign * (self.tip_elsewhere - self.own.tip_moved)
+
+    def caught(self, pieces: Sequence[Piece]) -> float:
+        """Lateral force times gap in the other field, of pieces that the other end lacks."""
+        total = 0.0
+        for number in range(self.common, len(self.own.axial)):
+            gap = _piece(self.own, number, pieces).offset + self.elsewhere[number, 1:]
+            total += float(self.own.lateral[number] @ gap)
+        return total
+
+
+def _piece(state: State, number: int, pieces: Sequence[Piece]) -> Piece:
+    if state.end is not None and number == state.whole:
+        return state.end
+    return pieces[number]
+
+
+def _tip_parts(old: State, new: State, apart: list[float]) -> tuple[float, float, float]:
+    """Return what cutting, snaps, and the front's opening or closing within the step took."""
+    forces = (old.tip_force, new.tip_force)
+    total = float(np.dot(forces, apart))
+    if new.way not in (Way.CUTTING, Way.JUMPING):
+        return 0.0, 0.0, total
+    excess = [max(s.tip_force - s.cutting_force, 0.0) for s in (old, new)]
+    snap = float(np.dot(excess, apart))
+    cutting = float(np.dot(np.subtract(forces, excess), apart))
+    return cutting, snap, 0.0
+
+
+def _hold(state: State, pieces: Sequence[Piece]) -> float:
+    compliances = [_piece(state, n, pieces).compliance for n in range(len(state.axial))]
+    return 0.5 * float(np.array(compliances) @ np.sum(state.lateral**2, axis=1))
+
+
+def _strain(state: State) -> float:
+    forces = np.column_stack([state.axial, state.lateral])
+    return 0.5 * float(np.sum(forces * state.moved)) + 0.5 * state.tip_force * state.tip_moved

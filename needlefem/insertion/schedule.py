@@ -1,0 +1,124 @@
+"""What the needle is told to do: depth over time, in straight legs, with releases at their ends."""
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+from needlefem.errors import CaseError
+from needlefem.scene import Motion, Stage
+
+EVEN = 1e-9
+"""Slack, in steps, with which a leg is cut into steps."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Leg:
+    """Even motion between two depths (m) that takes a time (s); what is released at its end."""
+
+    start: float
+    end: float
+    duration: float
+    release: str | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Tick:
+    """A time (s) and the depth (m) then; the duration of the step to it (s); what is released."""
+
+    time: float
+    depth: float
+    duration: float
+    release: str | None = None
+
+
+def legs(motion: Motion) -> tuple[Leg, ...]:
+    """Return the legs of a motion.
+
+    Raises
+    ------
+    CaseError
+        A stage says too little or too much.
+    """
+    if motion.times:
+        return _table(motion)
+    if not motion.stages:
+        return (Leg(0.0, motion.max_depth, motion.max_depth / motion.speed),)
+    found: list[Leg] = []
+    depth = 0.0
+    for number, stage in enumerate(motion.stages):
+        found += _stage(stage, depth, motion, f"motion.stages[{number}]")
+        depth = found[-1].end
+    return tuple(found)
+
+
+def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[Leg]:
+    if (stage.to is None) == (stage.hold is None):
+        raise CaseError(key, "needs either 'to' or 'hold'", "give a depth or a duration")
+    if stage.hold is not None:
+        return [Leg(depth, depth, stage.hold, stage.release)]
+    end, speed = stage.to, stage.speed or motion.speed
+    assert end is not None
+    if end > motion.max_depth:
+        problem = f"{end:g} m is beyond motion.max_depth, {motion.max_depth:g} m"
+        raise CaseError(f"{key}.to", problem, "choose a smaller depth or raise max_depth")
+    if stage.train is None:
+        return [Leg(depth, end, abs(end - depth) / speed, stage.release)]
+    return _train(stage, depth, end, speed, key)
+
+
+def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> list[Leg]:
+    """Return the legs between the seeds of a train, the first of which stays at the start."""
+    count, pitch = stage.train or 0, stage.pitch
+    if pitch is None or end >= depth or depth - end < (count - 1) * pitch:
+        problem = f"no room for {count} seeds on the way from {depth:g} to {end:g} m"
+        raise CaseError(f"{key}.train", problem, "give 'pitch', and retract over all of the train")
+    name = stage.release or "seed"
+    found = [Leg(depth, depth, 0.0, f"{name} 1")]
+    for number in range(1, count):
+        below = depth - number * pitch
+        found.append(Leg(below + pitch, below, pitch / speed, f"{name} {number + 1}"))
+    last = found[-1].end
+    return [*found, Leg(last, end, (last - end) / speed)]
+
+
+def _table(motion: Motion) -> tuple[Leg, ...]:
+    times, depths = motion.times, motion.depths
+    if motion.stages:
+        raise CaseError("motion.times", "stages are there as well", "keep one of the two")
+    if len(times) != len(depths) or len(times) < 2:
+        problem = f"{len(times)} times and {len(depths)} depths"
+        raise CaseError("motion.times", problem, "give as many of both, two at least")
+    if times[0] != 0.0 or depths[0] != 0.0 or max(depths) > motion.max_depth:
+        remedy = "start with 0 at time 0, and stay above motion.max_depth"
+        raise CaseError("motion.depths", "the table leaves the allowed motion", remedy)
+    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        raise CaseError("motion.times", "not increasing", "sort the table")
+    return tuple(
+        Leg(depths[i], depths[i + 1], times[i + 1] - times[i]) for i in range(len(times) - 1)
+    )
+
+
+def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -> Iterator[Tick]:
+    """Yield the steps of a motion, of equal duration within a leg.
+
+    Parameters
+    ----------
+    motion : Motion
+    time_step : float, s
+        Longest step.
+    longest : float, m
+        Longest travel of the needle in a step.
+    timeless : bool
+        Nothing happens while the needle rests: a hold is one step.
+    """
+    time = 0.0
+    for leg in legs(motion):
+        travel = leg.end - leg.start
+        needed = max(leg.duration / time_step, abs(travel) / longest)
+        count = 1 if timeless and travel == 0.0 else max(1, math.ceil(needed - EVEN))
+        for number in range(1, count + 1):
+            share, last = number / count, number == count
+            depth = leg.end if last else leg.start + share * travel
+            release = leg.release if last else None
+            yield Tick(time + share * leg.duration, depth, leg.duration / count, release)
+        time += leg.duration

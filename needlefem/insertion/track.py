@@ -1,0 +1,95 @@
+"""The cut path of a needle in any motion: its pieces, and what each remembers of sliding."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.needle.instrument import Instrument
+
+
+@dataclasses.dataclass(frozen=True)
+class Friction:
+    """Friction limit over slip: static for what sticks, kinetic after some slip.
+
+    Parameters
+    ----------
+    ratio : float
+        Static over kinetic limit.
+    length : float, m
+        Slip over which it falls; 0: at the first slip, which no time step resolves.
+    stiffness : float, Pa (N/m^3 in 2D)
+        Of sticking, per length of path; 0: rigid.
+    """
+
+    ratio: float = 1.0
+    length: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def weakens(self) -> bool:
+        """Whether the limit depends on slip."""
+        return self.ratio > 1.0
+
+    def limits(self, kinetic: Floats, slipped: Floats) -> Floats:
+        """Return the limits after some slip since sticking (m)."""
+        if not self.weakens:
+            return kinetic
+        left = 1.0 - slipped / self.length if self.length > 0.0 else 1.0 * (slipped <= 0.0)
+        found: Floats = kinetic * (1.0 + (self.ratio - 1.0) * np.clip(left, 0.0, 1.0))
+        return found
+
+
+class Track:
+    """Where the needle has cut, and how its surface has slid there.
+
+    Piece 0 is the entry point, without length; piece j ends at `vertices[j]`; the last, number
+    `count`, grows from the newest vertex to the crack front.
+    """
+
+    def __init__(self, instrument: Instrument) -> None:
+        self.instrument = instrument
+        self.vertices: list[Vector] = [instrument.axis.entry]
+        self.arcs: list[float] = [0.0]
+        self.front: Vector = instrument.axis.entry
+        self.kinetic: list[float] = [0.0]
+        """Friction limit of whole pieces, N (N/m in 2D)."""
+        self.pull: Floats = np.zeros(2)
+        """Friction force on every piece, the growing one included."""
+        self.slipped: Floats = np.full(2, np.inf)
+        """Slip of every piece since it last stuck, m; without end for freshly cut ones."""
+
+    @property
+    def count(self) -> int:
+        """Number of whole pieces."""
+        return len(self.vertices)
+
+    @property
+    def length(self) -> float:
+        """Length of the cut path, m."""
+        return self.arcs[-1] + float(np.linalg.norm(self.front - self.vertices[-1]))
+
+    def at(self, arc: float) -> tuple[int, Vector]:
+        """Return the number of whole pieces behind a path length, and the material point there."""
+        whole = min(max(int(np.searchsorted(self.arcs, arc, side="left")), 1), self.count)
+        start, begin = self.vertices[whole - 1], self.arcs[whole - 1]
+        end = self.front if whole == self.count else self.vertices[whole]
+        span = (self.length if whole == self.count else self.arcs[whole]) - begin
+        share = (arc - begin) / span if span > 0.0 else 0.0
+        return whole, start + share * (end - start)
+
+    def extend(self, kinetic: float) -> None:
+        """Make the growing piece a whole one, and begin the next."""
+        self.arcs.append(self.length)
+        self.vertices.append(self.front)
+        self.kinetic.append(kinetic)
+        self.pull = np.append(self.pull, 0.0)
+        self.slipped = np.append(self.slipped, np.inf)
+
+    def remember(self, pull: Floats, slip: Floats) -> None:
+        """Keep friction forces and what slipped in a step, of the pieces that the needle is in."""
+        count = len(pull)
+        self.pull = np.zeros(len(self.pull))
+        self.pull[:count] = pull
+        self.slipped[:count] = np.where(slip == 0.0, 0.0, self.slipped[:count] + np.abs(slip))
+        self.slipped[count:] = np.inf  # caught again it slides at once

@@ -1,0 +1,153 @@
+"""Which way the tip goes in a step, and where within the step it takes another."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from needlefem.insertion.contactstep import TOLERANCE, Solution, StepEquations
+from needlefem.insertion.result import Way
+
+FAR = 4.0
+"""Advance over the needle's travel from which on a tip has run ahead."""
+NEAR = 0.02
+"""Advance over the spacing up to which it has not."""
+FINE = 1e-10
+"""Part of a step to which the depth of a change is found."""
+CLOSE = 1e-9
+"""What changes at the step's end, to this part of the change, needs no cut of the step."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Moment:
+    """A way of the tip, with the forces at one depth.
+
+    Parameters
+    ----------
+    way : Way
+    arc : float, m
+        Path length at which the tip is.
+    depth : float, m
+    solution : Solution, optional
+        None: the tip runs ahead, or the needle is out.
+    """
+
+    way: Way
+    arc: float
+    depth: float
+    solution: Solution | None
+
+
+def attempt(equations: StepEquations, way: Way, arc: float, depth: float) -> Moment:
+    """Return what the tip does at a depth.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    way : Way
+        At the step's start.
+    arc : float, m
+        Path length at which the tip was.
+    depth : float, m
+    """
+    if way in (Way.WITHDRAWN, Way.OUT):
+        drawn = _drawn(equations, arc, depth)
+        if drawn is not None:
+            return drawn
+    pressed = equations.press(depth)
+    if pressed.tip_force <= 0.0 and pressed.gap > TOLERANCE:
+        drawn = _drawn(equations, equations.track.length, depth)
+        if drawn is not None:
+            return drawn
+    if pressed.excess >= 0.0 and pressed.gap < -TOLERANCE:
+        ahead = -pressed.gap
+        cut = equations.cut(depth, ahead)
+        reach = max(abs(depth - equations.depth), ahead)
+        limit = FAR * reach + NEAR * equations.instrument.spacing
+        track = equations.track
+        if cut is not None:
+            if float(np.linalg.norm(cut.position.tip - track.front)) > limit:
+                cut = None
+        return Moment(Way.CUTTING, track.length, depth, cut)
+    return Moment(Way.PRESSING, equations.track.length, depth, pressed)
+
+
+def _drawn(equations: StepEquations, arc: float, depth: float) -> Moment | None:
+    found = equations.draw(depth, arc)
+    if found is None:
+        return None
+    arc, solution = found
+    if solution.gap > TOLERANCE:
+        return Moment(Way.OUT, 0.0, depth, None)
+    return Moment(Way.WITHDRAWN, arc, depth, solution)
+
+
+def first_change(
+    equations: StepEquations, way: Way, tip_force: float, new: Moment
+) -> Moment | None:
+    """Return the moment at which the tip took the new way, if that is within the step.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    way : Way
+        At the step's start.
+    tip_force : float, N (N/m in 2D)
+        At the step's start.
+    new : Moment
+        At its end.
+    """
+    at_front = (Way.PRESSING, Way.CUTTING, Way.JUMPING)
+    start, end, length = equations.depth, new.depth, equations.track.length
+    if way in at_front and new.way in (Way.WITHDRAWN, Way.OUT) and tip_force > 0.0:
+        depth = _root(lambda s: _held(equations, s).tip_force, start, end)
+        return None if depth is None else _at_front(equations, depth)
+    if way in at_front and new.way is Way.CUTTING:
+        if tip_force >= (1.0 - 1e-9) * equations.front().cutting_force:
+            return None
+        depth = _root(lambda s: _held(equations, s).excess, start, end)
+        return None if depth is None else _at_front(equations, depth)
+    if way in (Way.WITHDRAWN, Way.OUT) and new.way in at_front:
+        depth = _root(lambda s: _loose(equations, length, s).gap, start, end)
+        if depth is None:
+            return None
+        return Moment(Way.PRESSING, length, depth, _loose(equations, length, depth))
+    if Way.OUT in (way, new.way) and way is not new.way:
+        depth = _root(lambda s: _loose(equations, 0.0, s).gap, start, end)
+        return None if depth is None else Moment(Way.OUT, 0.0, depth, None)
+    return None
+
+
+def _held(equations: StepEquations, depth: float) -> Solution:
+    """Return the forces with the tip held at the crack front, whatever force that takes."""
+    return equations.solve(equations.front(), depth, -np.inf, np.inf)
+
+
+def _at_front(equations: StepEquations, depth: float) -> Moment:
+    return Moment(Way.PRESSING, equations.track.length, depth, _held(equations, depth))
+
+
+def _loose(equations: StepEquations, arc: float, depth: float) -> Solution:
+    return equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
+
+
+def _root(function: Callable[[float], float], start: float, end: float) -> float | None:
+    """Return where a function of depth vanishes within a step, or None: not before its end."""
+    values = function(start), function(end)
+    if min(map(abs, values)) <= CLOSE * max(map(abs, values)) or values[0] * values[1] > 0.0:
+        return None
+    return float(brentq(function, start, end, xtol=FINE * abs(end - start)))
+
+
+def last_smooth(equations: StepEquations, way: Way, arc: float, depth: float) -> Moment | None:
+    """Return the last moment of a step before its tip runs ahead, or None: it does at once."""
+    low, high, best = equations.depth, depth, None
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        found = attempt(equations, way, arc, middle)
+        if found.way is Way.CUTTING and found.solution is None:
+            high = middle
+        else:
+            low, best = middle, found
+    return best
