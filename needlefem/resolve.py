@@ -4,7 +4,8 @@ import dataclasses
 import math
 
 from needlefem.elements import ElementRow, element_row
-from needlefem.materials import Material, split
+from needlefem.errors import CaseError
+from needlefem.materials import Material, branches_of, split
 from needlefem.scene import BoxMesh, Discretisation, FileMesh, Scene, vary
 
 CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
@@ -40,7 +41,7 @@ def resolve(scene: Scene) -> Resolved:
     reasons: dict[str, str] = {}
     discretisation = _discretisation(scene, reasons)
     concrete = dataclasses.replace(scene, discretisation=discretisation)
-    return Resolved(concrete, reasons, _skips(), tuple(_warnings(concrete)))
+    return Resolved(concrete, reasons, _skips(concrete), tuple(_warnings(concrete)))
 
 
 def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
@@ -54,7 +55,24 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
         points = _kernel_points(scene)
         reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"
         chosen = dataclasses.replace(chosen, kernel_points=points)
+    needs = _needs_steps(scene)
+    if chosen.integrator == "auto":
+        chosen = dataclasses.replace(chosen, integrator="quasi-static" if needs else "march")
+        why = needs or "an insertion begins, in elastic tissue with one friction limit"
+        reasons["integrator"] = f"{chosen.integrator}: {why}"
+    elif chosen.integrator == "march" and needs:
+        remedy = "write 'quasi-static' or 'auto'"
+        raise CaseError("discretisation.integrator", f"'march', but {needs}", remedy)
     return chosen
+
+
+def _needs_steps(scene: Scene) -> str:
+    """Return why a march can't even begin; empty if it can."""
+    if any(branches_of(law, scene.dim, scene.plane) for law in scene.materials.values()):
+        return "viscoelastic tissue depends on time"
+    if scene.needle.static_friction > 1.0 or scene.needle.stick_stiffness > 0.0:
+        return "friction depends on what slips"
+    return ""
 
 
 def with_element(scene: Scene, name: str) -> Scene:
@@ -119,8 +137,8 @@ def tip_element_size(scene: Scene) -> float | None:
     return min(wanted, coarse) if wanted > 0.0 else coarse
 
 
-def _skips() -> dict[str, str]:
-    return {
+def _skips(scene: Scene) -> dict[str, str]:
+    found = {
         "dynamics": "quasi-static: one slow insertion; inertia is below tolerance",
         "time_steps": "monotone insertion with all points slipping: marched along the path",
         "reassembly": "the stiffness is constant: one factorisation",
@@ -129,11 +147,30 @@ def _skips() -> dict[str, str]:
         "mass_and_damping": "not used by a quasi-static insertion",
         "full_fields": "recovered only for the states that are checked, drawn or written",
     }
+    motion = scene.motion
+    if scene.discretisation.integrator != "march" or motion.stages or motion.times:
+        del found["time_steps"], found["retraction"]
+    return found
 
 
 def _warnings(scene: Scene) -> list[str]:
     row = element_row(scene.discretisation.element)
-    return [*_locking(scene, row), *_tip_warnings(scene), *_spacing_warnings(scene, row)]
+    return [
+        *_locking(scene, row),
+        *_tip_warnings(scene),
+        *_spacing_warnings(scene, row),
+        *_friction_warnings(scene),
+    ]
+
+
+def _friction_warnings(scene: Scene) -> list[str]:
+    needle = scene.needle
+    if needle.static_friction > 1.0 and needle.weakening_length == 0.0:
+        return [
+            "friction drops at once from static to kinetic: the answer depends on the time step; "
+            "give needle.weakening_length"
+        ]
+    return []
 
 
 def _locking(scene: Scene, row: ElementRow) -> list[str]:

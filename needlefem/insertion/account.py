@@ -14,8 +14,7 @@ import numpy as np
 from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
 from needlefem.insertion.contactstep import Field
-from needlefem.insertion.ledger import Ledger
-from needlefem.insertion.result import State, Way
+from needlefem.insertion.result import Ledger, State, Way
 from needlefem.needle.functionals import Piece
 
 
@@ -76,7 +75,6 @@ class Account:
         self.capture += capture
         self.least = min(self.least, friction, parts[0], parts[1])
         return friction, sum(parts)
-
 
     def begin(self, found: Ledger) -> None:
         """Go on from the ledger of a march."""

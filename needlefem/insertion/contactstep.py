@@ -13,6 +13,7 @@ import numpy as np
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError, Weights
+from needlefem.insertion.result import State
 from needlefem.insertion.track import Friction, Track
 from needlefem.needle.contact import Contact, Sliding
 from needlefem.needle.functionals import Trial
@@ -22,6 +23,8 @@ TOLERANCE = 1e-12
 """Distance of the tip from where the needle is at which a step is solved, m."""
 STALLED = 1e-15
 """Change of the tip's place, relative to its advance, below which iterating is in vain."""
+FLAT = 1e-8
+"""Determinant of the place of the tip over its material point that is none."""
 MOST_ITERATIONS = 60
 MOST_WEAKENINGS = 500
 SETTLED = 1e-12
@@ -110,25 +113,17 @@ class StepEquations:
     contact : Contact
     track : Track
     friction : Friction
-    depth : float, m
-        Of the needle at the step's start.
-    moved : array, shape (whole, dim), m
-        Displacement of the pieces that it filled then.
+    start : State
+        At the step's start.
     field : Field
         The tissue's displacement then.
     """
 
     def __init__(
-        self,
-        contact: Contact,
-        track: Track,
-        friction: Friction,
-        depth: float,
-        moved: Floats,
-        field: Field,
+        self, contact: Contact, track: Track, friction: Friction, start: State, field: Field
     ) -> None:
         self.contact, self.track, self.friction = contact, track, friction
-        self.depth, self._moved, self._field = depth, moved, field
+        self.depth, self._moved, self._field = start.depth, start.moved[: start.whole], field
         self.instrument = track.instrument
         self.evaluations = 0
         self._slidings: dict[int, tuple[Sliding, Floats]] = {}
@@ -282,8 +277,10 @@ class StepEquations:
         for _ in range(MOST_ITERATIONS):
             if np.max(np.abs(error)) <= TOLERANCE:
                 return solution
+            if abs(np.linalg.det(jacobian)) < FLAT:
+                return None
             change = -np.linalg.solve(jacobian, error)
-            reach, more = axis.direction @ (tip - front), axis.direction @ change
+            reach, more = float(axis.direction @ (tip - front)), float(axis.direction @ change)
             if reach + more <= 0.0:  # the tip can't go back: go half way towards where it was
                 change *= -0.5 * reach / more
             try:
@@ -293,7 +290,7 @@ class StepEquations:
             wrong = reached - error - jacobian @ change
             jacobian = jacobian + np.outer(wrong, change) / (change @ change)
             tip, error = tip + change, reached
-            if not np.all(np.isfinite(jacobian)) or np.linalg.norm(change) < STALLED * reach:
+            if np.linalg.norm(change) < STALLED * reach:
                 return None
         return None
 
@@ -313,7 +310,7 @@ class StepEquations:
         before: tuple[Floats, Floats] | None = None
         for _ in range(MOST_ITERATIONS):
             sideways = unknown[1:]
-            forward = np.sqrt(max(distance**2 - sideways @ sideways, 0.0))
+            forward = np.sqrt(np.maximum(distance**2 - sideways @ sideways, 0.0))
             tip = front + forward * axis.direction + sideways @ axis.laterals
             position = self.at_point(tip, self.track.count)
             force = position.cutting_force
@@ -326,6 +323,8 @@ class StepEquations:
                 wrong = error - before[1] - jacobian @ change
                 jacobian = jacobian + np.outer(wrong, change) / (change @ change)
             before = (unknown, error)
+            if abs(np.linalg.det(jacobian)) < FLAT:
+                return None
             unknown = unknown - np.linalg.solve(jacobian, error)
             if np.linalg.norm(unknown[1:]) >= distance or np.array_equal(unknown, before[0]):
                 return None
@@ -339,8 +338,7 @@ class StepEquations:
         return solution, error
 
     def run_ahead(self, distance: float, depth: float) -> Solution:
-        """Return the forces with a tip that has run ahead of the crack front, whatever force
-        that takes.
+        """Return the forces, whatever the tip's is, with a tip that ran ahead of the crack front.
 
         Parameters
         ----------
@@ -354,9 +352,7 @@ class StepEquations:
         for _ in range(MOST_ITERATIONS):
             forward = np.sqrt(distance**2 - sideways @ sideways)
             tip = front + forward * axis.direction + sideways @ axis.laterals
-            solution = self.solve(
-                self.at_point(tip, self.track.count), depth, -np.inf, np.inf
-            )
+            solution = self.solve(self.at_point(tip, self.track.count), depth, -np.inf, np.inf)
             beside = solution.beside
             if np.max(np.abs(beside)) <= TOLERANCE:
                 return solution

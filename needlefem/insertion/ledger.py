@@ -13,50 +13,16 @@ trapezoidal rule on ``e.grad(ubar) dX`` it closes to second order in each step. 
 default, the second an independent check of it.
 """
 
-import dataclasses
-
 import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
 from needlefem.insertion.fields import loads
-from needlefem.insertion.result import Insertion, State
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Ledger:
-    """Energies of an insertion from its first to its last state, J (J/m in 2D).
-
-    `identity` is the largest mismatch of any step between the change of strain energy and the
-    work of all forces on the tissue, relative to the needle's work. Motions that go back and
-    forth have more: `contact` is what the crack front takes where the tip leaves it or comes
-    back within a step, `relaxation` what viscous tissue takes, `turnover` the work of all steps
-    whatever its sign, `least` the least that friction, cutting or snaps took in a step.
-    """
-
-    work: float
-    strain: float
-    hold: float
-    friction: float
-    cutting: float
-    snap: float
-    capture: float
-    identity: float
-    contact: float = 0.0
-    relaxation: float = 0.0
-    turnover: float = 0.0
-    least: float = 0.0
-
-    @property
-    def residual(self) -> float:
-        """What is missing, relative to the needle's work (its turnover in any motion)."""
-        spent = self.strain + self.hold + self.friction + self.cutting + self.snap + self.capture
-        scale = self.turnover or abs(self.work)
-        return abs(self.work - spent - self.contact - self.relaxation) / scale if scale else 0.0
+from needlefem.insertion.result import Insertion, Ledger, State
 
 
 def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
-    """Return the energy ledger of an insertion that was marched along its path.
+    """Return the energy ledger of an insertion; stepping keeps its own on the way.
 
     Parameters
     ----------
@@ -64,6 +30,8 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     trapezoidal : bool
         Integrate the gradient part of the tip's dissipation by the trapezoidal rule.
     """
+    if insertion.energies is not None and not trapezoidal:
+        return insertion.energies
     numbers = range(len(insertion.states))
     force = loads(insertion, numbers)
     moved = insertion.model.solve(force)

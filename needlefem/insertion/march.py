@@ -41,6 +41,8 @@ class March:
         Of K; shared by all marches in the same tissue.
     max_depth : float, m
         Where it ends.
+    within : bool
+        Whether it ends with the last whole piece before, not with the first beyond.
 
     Attributes
     ----------
@@ -48,19 +50,26 @@ class March:
         Set when `iterate` is exhausted.
     """
 
-    def __init__(self, instrument: Instrument, responses: Responses, max_depth: float) -> None:
-        self.instrument, self.max_depth = instrument, max_depth
+    def __init__(
+        self,
+        instrument: Instrument,
+        responses: Responses,
+        max_depth: float,
+        *,
+        within: bool = False,
+    ) -> None:
+        self.instrument, self.max_depth, self.within = instrument, max_depth, within
         self.contact = Contact(responses, instrument.axis.frame)
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.snaps: list[Snap] = []
         self._solver = StepSolver(instrument, self.contact)
-        self._states: list[State] = []
+        self.states: list[State] = []
 
     def iterate(self) -> Iterator[State]:
         """Yield the states one by one; stop early by not asking for more."""
         try:
             yield from self._states_to_depth()
-            self.outcome = Outcome(Status.COMPLETED, f"reached {self._states[-1].depth:.4g} m")
+            self.outcome = Outcome(Status.COMPLETED, f"reached {self.states[-1].depth:.4g} m")
         except _StopError as stop:
             self.outcome = stop.outcome
         except NoEquilibriumError as error:
@@ -75,7 +84,7 @@ class March:
             model=model,
             instrument=self.instrument,
             outcome=self.outcome,
-            states=tuple(self._states),
+            states=tuple(self.states),
             pieces=tuple(self.contact.pieces),
             snaps=tuple(self.snaps),
             evaluations=self._solver.evaluations,
@@ -83,18 +92,20 @@ class March:
 
     def _states_to_depth(self) -> Iterator[State]:
         yield from self._puncture()
-        while self._states[-1].depth < self.max_depth:
+        while self.states[-1].depth < self.max_depth:
             step = self._solve(self.instrument.spacing)
-            if step.depth > self._states[-1].depth:
+            if self.within and step.depth > self.max_depth:
+                return
+            if step.depth > self.states[-1].depth:
                 yield self._accept(step)
             else:
                 yield from self._snap()
 
     def _solve(self, length: float, depth: float | None = None) -> Step:
-        return self._solver.solve(self._states[-1].tip, length, depth)
+        return self._solver.solve(self.states[-1].tip, length, depth)
 
     def _keep(self, state: State) -> State:
-        self._states.append(state)
+        self.states.append(state)
         return state
 
     def _puncture(self) -> Iterator[State]:
@@ -119,8 +130,8 @@ class March:
             sentence = f"the skin is cut at {depth:.4g} m, beyond the largest depth"
             raise _StopError(Status.NOT_PUNCTURED, sentence)
         self.contact.adopt(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
-        self._states[-1] = dataclasses.replace(
-            self._states[-1],
+        self.states[-1] = dataclasses.replace(
+            self.states[-1],
             axial=np.zeros(1),
             lateral=limit * lateral[None],
             tip_lateral=np.zeros(len(lateral)),
@@ -133,7 +144,7 @@ class March:
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._check_slip(step.depth, moved)
-        self._solver.follow(self._states[-1].tip, step.tip)
+        self._solver.follow(self.states[-1].tip, step.tip)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(
@@ -153,7 +164,7 @@ class March:
         )
 
     def _check_slip(self, depth: float, moved: Floats) -> None:
-        before = self._states[-1]
+        before = self.states[-1]
         count = len(before.moved)
         slip = depth - before.depth - (moved[:count, 0] - before.moved[:, 0])
         if count > 1 and slip[1:].min() < -STICK_TOLERANCE:
@@ -167,7 +178,7 @@ class March:
         peak = self._peak()
         if peak is not None:
             yield self._accept(peak)
-        first, depth = len(self._states) - 1, self._states[-1].depth
+        first, depth = len(self.states) - 1, self.states[-1].depth
         spacing = self.instrument.spacing
         step = self._solve(spacing, depth)
         while step.excess > 0.0:
@@ -175,7 +186,7 @@ class March:
             step = self._solve(spacing, depth)
         landing = _root(lambda length: self._solve(length, depth), spacing)
         yield self._accept(landing)
-        self.snaps.append(Snap(depth, first, len(self._states) - 1))
+        self.snaps.append(Snap(depth, first, len(self.states) - 1))
 
     def _peak(self) -> Step | None:
         """Return the step to the largest depth within one spacing, if there is one ahead."""
@@ -194,7 +205,7 @@ class March:
                 lengths[1] = low + ratio * (high - low)
                 inner[1] = self._solve(lengths[1])
         best = max(inner, key=lambda step: step.depth)
-        return best if best.depth > self._states[-1].depth else None
+        return best if best.depth > self.states[-1].depth else None
 
 
 def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> State:

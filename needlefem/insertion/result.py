@@ -161,6 +161,9 @@ class Seed:
         Tip in the world.
     point : array, shape (dim,), m
         Material point at the tip: where it comes to rest.
+    shortcut : array, shape (dim,), m
+        Material that was at the same place of the world when the needle was deepest: what one
+        would take for it without simulating the retraction.
     weights : Weights
         The mean displacement of what it lies in is ``weights.of(field)``.
     inside : bool
@@ -171,6 +174,7 @@ class Seed:
     time: float
     released_at: Vector
     point: Vector
+    shortcut: Vector
     weights: Weights
     inside: bool
 
@@ -185,6 +189,38 @@ class Snap:
     depth: float
     first: int
     last: int
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ledger:
+    """Energies of an insertion from its first to its last state, J (J/m in 2D).
+
+    `identity` is the largest mismatch of any step between the change of strain energy and the
+    work of all forces on the tissue, relative to the needle's work. Motions that go back and
+    forth have more: `contact` is what the crack front takes where the tip leaves it or comes
+    back within a step, `relaxation` what viscous tissue takes, `turnover` the work of all steps
+    whatever its sign, `least` the least that friction, cutting or snaps took in a step.
+    """
+
+    work: float
+    strain: float
+    hold: float
+    friction: float
+    cutting: float
+    snap: float
+    capture: float
+    identity: float
+    contact: float = 0.0
+    relaxation: float = 0.0
+    turnover: float = 0.0
+    least: float = 0.0
+
+    @property
+    def residual(self) -> float:
+        """What is missing, relative to the needle's work (its turnover in any motion)."""
+        spent = self.strain + self.hold + self.friction + self.cutting + self.snap + self.capture
+        scale = self.turnover or abs(self.work)
+        return abs(self.work - spent - self.contact - self.relaxation) / scale if scale else 0.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,6 +245,11 @@ class Insertion:
     snaps : tuple of Snap
     evaluations : int
         Contact evaluations spent.
+    events : tuple of Event
+    seeds : tuple of Seed
+        What was released on the way.
+    energies : Ledger, optional
+        Of a motion that was stepped; a march's is found by `insertion.ledger`.
     """
 
     scene: Scene
@@ -219,6 +260,9 @@ class Insertion:
     pieces: tuple[Piece, ...]
     snaps: tuple[Snap, ...]
     evaluations: int
+    events: tuple[Event, ...] = ()
+    seeds: tuple[Seed, ...] = ()
+    energies: Ledger | None = None
 
     @property
     def axis(self) -> Axis:
@@ -238,5 +282,13 @@ class Insertion:
     @property
     def puncture_depth(self) -> float | None:
         """Depth at which the skin was cut, m, or None."""
-        pressed = self.states[1]
-        return pressed.depth if pressed.tip_force >= pressed.cutting_force else None
+        first = self.first_cut
+        return None if first is None else self.states[first].depth
+
+    @cached_property
+    def first_cut(self) -> int | None:
+        """Number of the state in which the skin is cut, or None."""
+        for number, state in enumerate(self.states):
+            if len(state.axial) or state.tip_force >= state.cutting_force:
+                return number
+        return None

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 from needlefem.errors import CaseError
 from needlefem.scene import Motion, Stage
@@ -91,7 +92,7 @@ def _table(motion: Motion) -> tuple[Leg, ...]:
     if times[0] != 0.0 or depths[0] != 0.0 or max(depths) > motion.max_depth:
         remedy = "start with 0 at time 0, and stay above motion.max_depth"
         raise CaseError("motion.depths", "the table leaves the allowed motion", remedy)
-    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+    if any(b <= a for a, b in pairwise(times)):
         raise CaseError("motion.times", "not increasing", "sort the table")
     return tuple(
         Leg(depths[i], depths[i + 1], times[i + 1] - times[i]) for i in range(len(times) - 1)

@@ -1,5 +1,6 @@
 """A scene made ready for insertions: tissue, responses, and the needle on any line."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from functools import cached_property
 
@@ -10,19 +11,17 @@ from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
 from needlefem.fem.mesh import BACKGROUND
 from needlefem.fem.model import Model
-from needlefem.fem.responses import DirectResponses, Responses, SharedResponses
+from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
-from needlefem.insertion.march import March
+from needlefem.insertion.course import Course
+from needlefem.insertion.media import ElasticMedium, ViscoelasticMedium, responses_of
 from needlefem.insertion.result import Insertion, State
 from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
 from needlefem.resolve import Resolved, resolve
-from needlefem.scene import Scene
-
-MOST_SHARED_UNKNOWNS = 10_000
-"""Above, the needle's corridor has so many nodes that one solve a load is cheaper."""
+from needlefem.scene import Motion, Scene
 
 Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
@@ -51,20 +50,19 @@ class Simulation:
     def __init__(
         self, scene: Scene, model: Model | None = None, watch: Watch | None = None
     ) -> None:
-        _refuse_memory(scene)
         self._watch = watch
         self.resolved: Resolved = resolve(scene)
         self.scene = self.resolved.scene
         self.model = build_model(self.scene) if model is None else model
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
+        laws = self.scene.materials.values()
+        self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
     @cached_property
     def responses(self) -> Responses:
         """Responses of the tissue, shared by all insertions."""
-        if len(self.model.free_dofs) > MOST_SHARED_UNKNOWNS:
-            return DirectResponses(self.model)
-        return SharedResponses(self.model)
+        return responses_of(self.model)
 
     @cached_property
     def cutting_force(self) -> Floats:
@@ -135,26 +133,32 @@ class Simulation:
 
     def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
         """Push the needle in at an entry, to the largest depth or until `stop` says so."""
-        march = March(self.instrument(entry), self.responses, self.scene.motion.max_depth)
-        for state in march.iterate():
+        once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
+        return self._run(self.course(entry, once), stop)
+
+    def move(self, entry: Entry) -> Insertion:
+        """Let the needle do at an entry all that the scene's motion says."""
+        return self._run(self.course(entry), None)
+
+    def course(self, entry: Entry, motion: Motion | None = None) -> Course:
+        """Return a motion of the needle, the scene's when left out, ready to run."""
+        medium = ViscoelasticMedium(self.model) if self._memory else ElasticMedium(self.responses)
+        needle = self.instrument(entry)
+        return Course(self.scene, motion or self.scene.motion, needle, medium, self.model)
+
+    def _run(self, course: Course, stop: Stop | None) -> Insertion:
+        states = []
+        for state in course.iterate():
+            states.append(state)
             if self._watch is not None:
                 self._watch(state)
             if stop is not None and stop(state):
                 break
         self.insertions += 1
-        return march.result(self.scene, self.model)
-
-
-def _refuse_memory(scene: Scene) -> None:
-    """Raise a `CaseError` if a tissue depends on time: a march along the path has none."""
-    for name, material in scene.materials.items():
-        if branches_of(material, scene.dim, scene.plane):
-            problem = "viscoelastic, and an insertion marched along its path has no time"
-            remedy = "use an elastic law with the stiffness at the insertion's speed"
-            raise CaseError(f"materials.{name}.law", problem, remedy)
+        return course.result(tuple(states))
 
 
 def simulate(scene: Scene) -> Insertion:
-    """Push the needle of a scene in at its entry, to its largest depth."""
+    """Let the needle of a scene do what its motion says, at its entry."""
     simulation = Simulation(scene)
-    return simulation.insert(simulation.entry_of_case())
+    return simulation.move(simulation.entry_of_case())

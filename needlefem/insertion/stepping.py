@@ -19,8 +19,9 @@ from needlefem.fem.model import Model
 from needlefem.insertion.account import Account
 from needlefem.insertion.contactstep import Field, Solution, StepEquations
 from needlefem.insertion.fields import load
+from needlefem.insertion.march import March
 from needlefem.insertion.media import Medium
-from needlefem.insertion.result import Event, Outcome, Seed, State, Status, Way
+from needlefem.insertion.result import Event, Ledger, Outcome, Seed, Snap, State, Status, Way
 from needlefem.insertion.schedule import Tick
 from needlefem.insertion.track import Friction, Track
 from needlefem.insertion.ways import Moment, attempt, first_change, last_smooth
@@ -107,6 +108,7 @@ class Stepping:
         self.account = Account(self.pieces)
         self.events: list[Event] = []
         self.seeds: list[Seed] = []
+        self.snaps: list[Snap] = []
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.evaluations = 0
         self._contact: Contact  # met with the first step's operator
@@ -116,6 +118,8 @@ class Stepping:
         self._solved: list[StepEquations] = []
         self._spent = (0.0, 0.0)
         self._arc = 0.0
+        self._deepest: tuple[float, Field, float] = (0.0, self._field, 0.0)
+        self._count = 0
         self._sticking = False
 
     def iterate(self, ticks: Iterable[Tick]) -> Iterator[State]:
@@ -123,12 +127,54 @@ class Stepping:
         try:
             yield self.state
             for tick in ticks:
-                yield from self._tick(tick)
-            self.outcome = Outcome(Status.COMPLETED, f"the motion ended at {self.state.depth:.4g} m")
+                if tick.time > self.state.time or tick.release:
+                    yield from self._tick(tick)
+            self.outcome = Outcome(
+                Status.COMPLETED, f"the motion ended at {self.state.depth:.4g} m"
+            )
         except SimulationError as error:
             self.outcome = Outcome(Status.NOT_CONVERGED, str(error))
         except OutsideError:
             self.outcome = Outcome(Status.LEFT_TISSUE, "the tip left the tissue")
+
+    def take_over(self, march: March, speed: float, spent: Ledger) -> None:
+        """Go on where a march ended, with all that it has cut.
+
+        Parameters
+        ----------
+        march : March
+        speed : float, m/s
+            Of the needle on it.
+        spent : Ledger
+            Its energies.
+        """
+        if not march.contact.pieces:
+            return
+        contact, state, track = march.contact, march.states[-1], self.track
+        self._contact = contact
+        self.pieces.extend(contact.pieces)
+        limits = contact.axial
+        for number, later in enumerate(march.states[2:], 1):
+            track.front = later.tip
+            track.extend(float(limits[number]))
+        track.pull[: len(limits)] = limits
+        here = self.instrument.tip(state.tip)
+        trial = contact.try_functionals(here)
+        path = np.column_stack([state.axial, state.lateral]).ravel()
+        forces = np.append(state.tip_force, state.tip_lateral)
+        self._field = StepField(contact, path, trial, forces)
+        self.state = dataclasses.replace(
+            state,
+            time=state.depth / speed,
+            covered=track.length,
+            slipping=np.ones(len(limits), dtype=int),
+            tip_moved=float(self._field.means(here)[0, 0]),
+            tip_nodes=here.nodes,
+            tip_weights=here.rows[0],
+        )
+        self._arc = track.length
+        self._deepest = (state.depth, self._field, track.length)
+        self.account.begin(spent)
 
     def position_of(self, seed: Seed) -> Vector:
         """Return where a seed is in the world now, shape (dim,), m."""
@@ -139,7 +185,7 @@ class Stepping:
     # a step and what happens in it
 
     def _tick(self, tick: Tick) -> Iterator[State]:
-        if tick.duration > 0.0 or tick.depth != self.state.depth:
+        if tick.time > self.state.time or tick.depth != self.state.depth:
             self.medium.begin(tick.duration)
             self._meet()
             start = (self.state.time, self.state.depth)
@@ -200,10 +246,10 @@ class Stepping:
 
     def _run_ahead(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
         """Let the tip run on at fixed depth until its force is back at that of cutting."""
-        timeless, spacing = self.medium.timeless, self.instrument.spacing
+        timeless, spacing, first = self.medium.timeless, self.instrument.spacing, self._count
         travel = tick.depth - self.state.depth
         depth = self.state.depth + travel * SHORT if timeless else tick.depth
-        time = self._time(depth, tick, start)
+        time, released = self._time(depth, tick, start), self.account.snap
         while True:
             equations, track = self._equations(), self.track
             whole = spacing - (track.length - track.arcs[-1])
@@ -216,7 +262,8 @@ class Stepping:
                        xtol=1e-12 * spacing)  # fmt: skip
         landing = equations.run_ahead(float(reach), depth)
         yield self._accept(Moment(Way.CUTTING, track.length + reach, depth, landing), time)
-        self._happens("snap", sum(self._spent))
+        self.snaps.append(Snap(depth, first, self._count))
+        self._happens("snap", self.account.snap - released)
 
     def _touch(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
         """Press on the skin, and cut it."""
@@ -275,10 +322,7 @@ class Stepping:
     # what was found becomes the state
 
     def _equations(self) -> StepEquations:
-        whole = self.state.moved[: self.state.whole]
-        found = StepEquations(
-            self._contact, self.track, self.friction, self.state.depth, whole, self._field
-        )
+        found = StepEquations(self._contact, self.track, self.friction, self.state, self._field)
         self._solved.append(found)
         return found
 
@@ -381,6 +425,7 @@ class Stepping:
             state = dataclasses.replace(state, tip_moved=float(field.means(own)[0, 0]))
         self._spent = self.account.add(old, state, (self._field, field))
         self.state, self._field = state, field
+        self._count += 1
         self.evaluations += sum(equations.evaluations for equations in self._solved)
         self._solved.clear()
         if finish:
@@ -389,14 +434,14 @@ class Stepping:
             if energies:
                 stored = energies["strain"] + energies["stored"]
                 self.account.set_tissue(stored, energies["relaxation"])
+        if state.depth >= self._deepest[0] and state.way is not Way.OUT:
+            self._deepest = (state.depth, field, state.covered)
         self._tell(old, state)
         return state
 
     # events
 
-    def _happens(
-        self, kind: str, energy: float, name: str = "", at: State | None = None
-    ) -> None:
+    def _happens(self, kind: str, energy: float, name: str = "", at: State | None = None) -> None:
         state = at or self.state
         self.events.append(Event(kind, state.time, state.depth, state.tip, energy, name))
 
@@ -418,9 +463,34 @@ class Stepping:
             self._sticking = True
             self._happens("grip", friction)
 
+    def _shortcut(self, depth: float) -> Vector:
+        """Return the material that was at a depth of the path when the needle was deepest."""
+        deepest, field, length = self._deepest
+        axis, track = self.instrument.axis, self.track
+        if depth >= deepest or not self.pieces:
+            return self.state.tip
+
+        def ahead(arc: float) -> float:
+            point = track.at(arc)[1]
+            return float(axis.along(point) + field.means(self.instrument.tip(point))[0, 0]) - depth
+
+        if ahead(0.0) >= 0.0 or ahead(length) <= 0.0:
+            return self.state.tip
+        return track.at(float(brentq(ahead, 0.0, length, xtol=1e-12)))[1]
+
     def _release(self, name: str) -> None:
         state = self.state
         weights = Weights(state.tip_nodes, state.tip_weights[None])
         world = self.instrument.axis.tip(state.depth)
-        self.seeds.append(Seed(name, state.time, world, state.tip, weights, bool(state.end)))
+        self.seeds.append(
+            Seed(
+                name=name,
+                time=state.time,
+                released_at=world,
+                point=state.tip,
+                shortcut=self._shortcut(state.depth),
+                weights=weights,
+                inside=len(state.axial) > 0,
+            )
+        )
         self._happens("release", 0.0, name)

@@ -19,6 +19,9 @@ CLOSE = 1e-9
 """What changes at the step's end, to this part of the change, needs no cut of the step."""
 
 
+AT_FRONT = (Way.PRESSING, Way.CUTTING, Way.JUMPING)
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class Moment:
     """A way of the tip, with the forces at one depth.
@@ -66,9 +69,8 @@ def attempt(equations: StepEquations, way: Way, arc: float, depth: float) -> Mom
         reach = max(abs(depth - equations.depth), ahead)
         limit = FAR * reach + NEAR * equations.instrument.spacing
         track = equations.track
-        if cut is not None:
-            if float(np.linalg.norm(cut.position.tip - track.front)) > limit:
-                cut = None
+        if cut is not None and np.linalg.norm(cut.position.tip - track.front) > limit:
+            cut = None
         return Moment(Way.CUTTING, track.length, depth, cut)
     return Moment(Way.PRESSING, equations.track.length, depth, pressed)
 
@@ -98,34 +100,30 @@ def first_change(
     new : Moment
         At its end.
     """
-    at_front = (Way.PRESSING, Way.CUTTING, Way.JUMPING)
     start, end, length = equations.depth, new.depth, equations.track.length
-    if way in at_front and new.way in (Way.WITHDRAWN, Way.OUT) and tip_force > 0.0:
+    was_there, is_there = way in AT_FRONT, new.way in AT_FRONT
+    depth = None
+    if was_there and not is_there and tip_force > 0.0:
         depth = _root(lambda s: _held(equations, s).tip_force, start, end)
-        return None if depth is None else _at_front(equations, depth)
-    if way in at_front and new.way is Way.CUTTING:
-        if tip_force >= (1.0 - 1e-9) * equations.front().cutting_force:
-            return None
-        depth = _root(lambda s: _held(equations, s).excess, start, end)
-        return None if depth is None else _at_front(equations, depth)
-    if way in (Way.WITHDRAWN, Way.OUT) and new.way in at_front:
+    elif was_there and new.way is Way.CUTTING:
+        if tip_force < (1.0 - CLOSE) * equations.front().cutting_force:
+            depth = _root(lambda s: _held(equations, s).excess, start, end)
+    elif is_there and not was_there:
         depth = _root(lambda s: _loose(equations, length, s).gap, start, end)
-        if depth is None:
-            return None
-        return Moment(Way.PRESSING, length, depth, _loose(equations, length, depth))
-    if Way.OUT in (way, new.way) and way is not new.way:
+        if depth is not None:
+            return Moment(Way.PRESSING, length, depth, _loose(equations, length, depth))
+    elif Way.OUT in (way, new.way) and way is not new.way:
         depth = _root(lambda s: _loose(equations, 0.0, s).gap, start, end)
-        return None if depth is None else Moment(Way.OUT, 0.0, depth, None)
-    return None
+        if depth is not None:
+            return Moment(Way.OUT, 0.0, depth, None)
+    if depth is None:
+        return None
+    return Moment(Way.PRESSING, length, depth, _held(equations, depth))
 
 
 def _held(equations: StepEquations, depth: float) -> Solution:
     """Return the forces with the tip held at the crack front, whatever force that takes."""
     return equations.solve(equations.front(), depth, -np.inf, np.inf)
-
-
-def _at_front(equations: StepEquations, depth: float) -> Moment:
-    return Moment(Way.PRESSING, equations.track.length, depth, _held(equations, depth))
 
 
 def _loose(equations: StepEquations, arc: float, depth: float) -> Solution:

@@ -118,9 +118,7 @@ class Contact:
                 self._columns[self._known_rows : size, columns] = new
             self._known_rows = size
 
-    def field_at(
-        self, nodes: Ints, path: Floats, trial: Trial | None, forces: Floats
-    ) -> Floats:
+    def field_at(self, nodes: Ints, path: Floats, trial: Trial | None, forces: Floats) -> Floats:
         """Return the displacement of nodes under forces, shape (len(nodes), dim), m.
 
         Parameters

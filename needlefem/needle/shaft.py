@@ -76,7 +76,7 @@ class Shaft:
         # the piece's lateral force, and what it does to all others
         spring = np.eye(dim - 1) + stiffness * trial.compliance[end, end]
         rhs = np.column_stack([columns[end], offset + bare[end]])
-        hold = -stiffness * np.linalg.solve(spring, rhs)
+        hold: Floats = -stiffness * np.linalg.solve(spring, rhs).astype(float)
         back = columns[end].T
         sideways = np.column_stack([columns[1:dim], bare[1:dim]])
         sideways += trial.compliance[1:dim, end] @ hold

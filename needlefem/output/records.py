@@ -4,9 +4,8 @@ import dataclasses
 from typing import Any
 
 from needlefem.checks.result import CheckResult
-from needlefem.insertion.ledger import Ledger
 from needlefem.insertion.path import Reach
-from needlefem.insertion.result import Insertion
+from needlefem.insertion.result import Insertion, Ledger
 from needlefem.planning.result import Evidence, Plan, Release
 from needlefem.planning.search import Solution
 

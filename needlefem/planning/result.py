@@ -6,8 +6,7 @@ from enum import StrEnum
 
 from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
-from needlefem.insertion.ledger import Ledger
-from needlefem.insertion.result import Insertion
+from needlefem.insertion.result import Insertion, Ledger
 from needlefem.insertion.validity import Validity
 from needlefem.planning.search import Solution
 

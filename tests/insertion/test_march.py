@@ -126,7 +126,7 @@ def test_snap_ends_where_the_branch_at_cutting_force_comes_back(popping: Scene) 
     march = March(simulation.instrument(entry), simulation.responses, 1.0)
     for _ in march._puncture():
         pass
-    depth, tips = [march._states[-1].depth], [march._states[-1].tip[1]]
+    depth, tips = [march.states[-1].depth], [march.states[-1].tip[1]]
     march._check_slip = lambda *_: None  # type: ignore[method-assign]
     while not (len(depth) > 3 and depth[-1] > snap.depth and min(depth[-20:]) < depth[-1] - 1e-4):
         state = march._accept(march._solve(simulation.instrument(entry).spacing))
@@ -158,13 +158,13 @@ def test_shaft_point_that_sticks_ends_the_march(gel: Scene) -> None:
     states = march.iterate()
     for _ in range(6):
         next(states)
-    last = march._states[-1]
+    last = march.states[-1]
     ahead = last.moved + np.array([-1e-2, 0.0])  # as if the points had been further back
-    march._states[-1] = vary(last, {"moved": ahead})  # type: ignore[arg-type,assignment]
+    march.states[-1] = vary(last, {"moved": ahead})  # type: ignore[arg-type,assignment]
     list(states)
     assert march.outcome.status is Status.RESTICK
     assert "stops slipping at depth" in march.outcome.sentence
-    assert len(march._states) == 6
+    assert len(march.states) == 6
 
 
 def test_no_equilibrium_is_a_status(gel: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,158 @@
+"""One run of a motion: marched as far as a march goes, and stepped from there on.
+
+A monotone insertion in elastic tissue needs no time steps. Where its assumptions end (a shaft
+point stops slipping, the needle rests or turns back) stepping takes over, from the same path.
+"""
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from needlefem.fem.model import Model
+from needlefem.insertion.ledger import ledger
+from needlefem.insertion.march import March
+from needlefem.insertion.media import ElasticMedium, Medium
+from needlefem.insertion.result import Event, Insertion, Outcome, State, Status
+from needlefem.insertion.schedule import legs, ticks
+from needlefem.insertion.stepping import Stepping
+from needlefem.insertion.track import Friction
+from needlefem.needle.instrument import Instrument
+from needlefem.scene import Motion, Scene
+
+STEPS_A_PIECE = 2.0
+"""Time steps in which the needle travels the length of a piece of its path, at least."""
+
+
+class Course:
+    """A motion of the needle in one tissue.
+
+    Parameters
+    ----------
+    scene : Scene
+        Resolved.
+    motion : Motion
+        What the needle is told to do.
+    instrument : Instrument
+    medium : Medium
+    model : Model
+
+    Attributes
+    ----------
+    march : March or None
+        Set when the motion began with one.
+    stepping : Stepping or None
+        Set when there was something to step.
+    """
+
+    def __init__(
+        self, scene: Scene, motion: Motion, instrument: Instrument, medium: Medium, model: Model
+    ) -> None:
+        self.scene, self.motion, self.instrument = scene, motion, instrument
+        self.medium, self.model = medium, model
+        self.march: March | None = None
+        self.stepping: Stepping | None = None
+        self._legs = legs(motion)
+
+    def iterate(self) -> Iterator[State]:
+        """Yield the states one by one; stop early by not asking for more."""
+        if self.scene.discretisation.integrator == "march":
+            yield from self._marched()
+            assert self.march is not None
+            whole = self.march.outcome.status is Status.COMPLETED
+            if len(self._legs) == 1 and (whole or self.march.outcome.status in FINAL):
+                return
+        yield from self._stepped()
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended."""
+        if self.stepping is not None:
+            return self.stepping.outcome
+        assert self.march is not None
+        return self.march.outcome
+
+    def _marched(self) -> Iterator[State]:
+        first, speed = self._legs[0], self._legs[0].end / self._legs[0].duration
+        assert isinstance(self.medium, ElasticMedium)
+        alone = len(self._legs) == 1
+        march = March(self.instrument, self.medium.responses, first.end, within=not alone)
+        self.march = march
+        for state in march.iterate():
+            yield dataclasses.replace(state, time=state.depth / speed)
+
+    def _stepped(self) -> Iterator[State]:
+        friction = friction_of(self.scene)
+        stepping = Stepping(self.instrument, self.medium, self.model, friction)
+        self.stepping = stepping
+        spacing = self.instrument.spacing
+        wanted = self.scene.discretisation.time_step or np.inf
+        if not self.medium.timeless and not np.isfinite(wanted):
+            wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
+        longest = spacing / STEPS_A_PIECE
+        found = ticks(self.motion, wanted, longest, timeless=self.medium.timeless)
+        states = stepping.iterate(found)
+        if self.march is not None:
+            speed = self._legs[0].end / self._legs[0].duration
+            stepping.take_over(self.march, speed, ledger(self._marched_result()))
+            next(states)
+        yield from states
+
+    def _marched_result(self) -> Insertion:
+        assert self.march is not None
+        return self.march.result(self.scene, self.model)
+
+    def result(self, states: tuple[State, ...]) -> Insertion:
+        """Return the insertion with the states that were kept."""
+        if self.stepping is None:
+            return dataclasses.replace(self._marched_result(), events=self._events())
+        stepping, march = self.stepping, self.march
+        snaps = march.snaps if march else []
+        return Insertion(
+            scene=self.scene,
+            model=self.model,
+            instrument=self.instrument,
+            outcome=stepping.outcome,
+            states=states,
+            pieces=tuple(stepping.pieces),
+            snaps=(*snaps, *stepping.snaps),
+            evaluations=stepping.evaluations,
+            events=(*self._events(), *stepping.events),
+            seeds=tuple(stepping.seeds),
+            energies=stepping.account.ledger(),
+        )
+
+    def _events(self) -> tuple[Event, ...]:
+        """Return what happened on the march."""
+        if self.march is None:
+            return ()
+        states, speed = self.march.states, self._legs[0].end / self._legs[0].duration
+        found = []
+        if len(states) > 1 and states[1].tip_force >= states[1].cutting_force:
+            found.append(_event("puncture", states[1], speed, 0.0))
+        for snap in self.march.snaps:
+            path = states[snap.first : snap.last + 1]
+            found.append(_event("snap", path[0], speed, _released(path)))
+        return tuple(found)
+
+
+FINAL = (Status.NOT_PUNCTURED, Status.NOT_CONVERGED, Status.LEFT_TISSUE)
+"""What a march can end with that stepping would not mend."""
+
+
+def friction_of(scene: Scene) -> Friction:
+    """Return the friction law of a scene's needle."""
+    needle = scene.needle
+    return Friction(needle.static_friction, needle.weakening_length, needle.stick_stiffness)
+
+
+def _event(kind: str, state: State, speed: float, energy: float) -> Event:
+    return Event(kind, state.depth / speed, state.depth, state.tip, energy)
+
+
+def _released(states: list[State]) -> float:
+    """Return the work of the tip's force beyond that of cutting along a snap."""
+    excess = np.array([state.tip_force - state.cutting_force for state in states])
+    tips = np.array([state.tip for state in states])
+    apart = np.linalg.norm(np.diff(tips, axis=0), axis=1)
+    return float(0.5 * (excess[1:] + excess[:-1]) @ apart)
