@@ -13,8 +13,9 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
-from needlefem.insertion.contactstep import Field
-from needlefem.insertion.result import Ledger, State, Way
+from needlefem.insertion.equations import Field
+from needlefem.insertion.result import Ledger
+from needlefem.insertion.state import State, Way
 from needlefem.needle.functionals import Piece
 
 

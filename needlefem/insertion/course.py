@@ -13,8 +13,9 @@ from needlefem.fem.model import Model
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.march import March
 from needlefem.insertion.media import ElasticMedium, Medium
-from needlefem.insertion.result import Event, Insertion, Outcome, State, Status
+from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.schedule import legs, ticks
+from needlefem.insertion.state import State
 from needlefem.insertion.stepping import Stepping
 from needlefem.insertion.track import Friction
 from needlefem.needle.instrument import Instrument
@@ -117,8 +118,8 @@ class Course:
             pieces=tuple(stepping.pieces),
             snaps=(*snaps, *stepping.snaps),
             evaluations=stepping.evaluations,
-            events=(*self._events(), *stepping.events),
-            seeds=tuple(stepping.seeds),
+            events=(*self._events(), *stepping.chronicle.events),
+            seeds=tuple(stepping.chronicle.seeds),
             energies=stepping.account.ledger(),
         )
 

@@ -18,7 +18,8 @@ import numpy as np
 from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
 from needlefem.insertion.fields import loads
-from needlefem.insertion.result import Insertion, Ledger, State
+from needlefem.insertion.result import Insertion, Ledger
+from needlefem.insertion.state import State
 
 
 def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:

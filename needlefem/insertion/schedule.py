@@ -31,6 +31,12 @@ class Tick:
     duration: float
     release: str | None = None
 
+    def time_at(self, depth: float, start: tuple[float, float]) -> float:
+        """Return the time of a depth in an even motion from a time and a depth to this tick's."""
+        travel = self.depth - start[1]
+        share = (depth - start[1]) / travel if depth != self.depth and travel != 0.0 else 1.0
+        return start[0] + share * (self.time - start[0])
+
 
 def legs(motion: Motion) -> tuple[Leg, ...]:
     """Return the legs of a motion.

@@ -15,7 +15,8 @@ from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.course import Course
 from needlefem.insertion.media import ElasticMedium, ViscoelasticMedium, responses_of
-from needlefem.insertion.result import Insertion, State
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import State
 from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument

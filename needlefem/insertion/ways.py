@@ -6,8 +6,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from needlefem.insertion.contactstep import TOLERANCE, Solution, StepEquations
-from needlefem.insertion.result import Way
+from needlefem.insertion.equations import TOLERANCE, Solution, StepEquations
+from needlefem.insertion.state import Way
+from needlefem.insertion.tip import climb, cut, cut_to, draw, press
 
 FAR = 4.0
 """Advance over the needle's travel from which on a tip has run ahead."""
@@ -58,25 +59,25 @@ def attempt(equations: StepEquations, way: Way, arc: float, depth: float) -> Mom
         drawn = _drawn(equations, arc, depth)
         if drawn is not None:
             return drawn
-    pressed = equations.press(depth)
+    pressed = press(equations, depth)
     if pressed.tip_force <= 0.0 and pressed.gap > TOLERANCE:
         drawn = _drawn(equations, equations.track.length, depth)
         if drawn is not None:
             return drawn
     if pressed.excess >= 0.0 and pressed.gap < -TOLERANCE:
         ahead = -pressed.gap
-        cut = equations.cut(depth, ahead)
+        found = cut(equations, depth, ahead)
         reach = max(abs(depth - equations.depth), ahead)
         limit = FAR * reach + NEAR * equations.instrument.spacing
         track = equations.track
-        if cut is not None and np.linalg.norm(cut.position.tip - track.front) > limit:
-            cut = None
-        return Moment(Way.CUTTING, track.length, depth, cut)
+        if found is not None and np.linalg.norm(found.position.tip - track.front) > limit:
+            found = None
+        return Moment(Way.CUTTING, track.length, depth, found)
     return Moment(Way.PRESSING, equations.track.length, depth, pressed)
 
 
 def _drawn(equations: StepEquations, arc: float, depth: float) -> Moment | None:
-    found = equations.draw(depth, arc)
+    found = draw(equations, depth, arc)
     if found is None:
         return None
     arc, solution = found
@@ -138,14 +139,22 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     return float(brentq(function, start, end, xtol=FINE * abs(end - start)))
 
 
-def last_smooth(equations: StepEquations, way: Way, arc: float, depth: float) -> Moment | None:
-    """Return the last moment of a step before its tip runs ahead, or None: it does at once."""
-    low, high, best = equations.depth, depth, None
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        found = attempt(equations, way, arc, middle)
-        if found.way is Way.CUTTING and found.solution is None:
-            high = middle
-        else:
-            low, best = middle, found
-    return best
+def within_piece(equations: StepEquations, new: Moment) -> Moment:
+    """Return the moment in the step at which the growing piece is whole, if there is one.
+
+    A tip that was not found where it should have cut to is looked for on the way there.
+    """
+    if new.way is not Way.CUTTING:
+        return new
+    track, spacing = equations.track, equations.instrument.spacing
+    distance = spacing - (track.length - track.arcs[-1])
+    if new.solution is None:
+        found = climb(equations, distance, new.depth)
+    elif new.solution.position.length <= (1.0 + 1e-9) * spacing:
+        return new
+    else:
+        found = cut_to(equations, distance, new.depth)
+    if found is None or not equations.depth < found.depth <= new.depth + TOLERANCE:
+        return new
+    there = abs(found.depth - new.depth) <= TOLERANCE
+    return Moment(Way.CUTTING, track.length, new.depth if there else found.depth, found)

@@ -12,8 +12,8 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.needle.boxed import minimise
-from needlefem.needle.contact import Contact, Sliding
-from needlefem.needle.functionals import Trial
+from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Sliding, Trial
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

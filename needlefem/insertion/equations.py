@@ -1,8 +1,8 @@
-"""One step of a needle in any motion: the equations of tip and shaft, way by way.
+"""One step of a needle in any motion: the equations of tip and shaft.
 
-The tip presses on the crack front, cuts, or is drawn back on its path. Each of these is a set of
-unknowns; in all of them friction is solved for by return mapping, sticking or slipping
-(`needle/shaft.py`), against the displacement at the step's start.
+The tip presses on the crack front, cuts, or is drawn back on its path (`insertion/tip.py`). In all
+of these friction is solved for by return mapping, sticking or slipping (`needle/shaft.py`), against
+the displacement at the step's start.
 """
 
 import dataclasses
@@ -12,20 +12,15 @@ import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import SimulationError
-from needlefem.fem.interpolation import OutsideError, Weights
-from needlefem.insertion.result import State
+from needlefem.fem.interpolation import Weights
+from needlefem.insertion.state import State
 from needlefem.insertion.track import Friction, Track
-from needlefem.needle.contact import Contact, Sliding
-from needlefem.needle.functionals import Trial
+from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Sliding, Trial
 from needlefem.needle.shaft import Shaft
 
 TOLERANCE = 1e-12
 """Distance of the tip from where the needle is at which a step is solved, m."""
-STALLED = 1e-15
-"""Change of the tip's place, relative to its advance, below which iterating is in vain."""
-FLAT = 1e-8
-"""Determinant of the place of the tip over its material point that is none."""
-MOST_ITERATIONS = 60
 MOST_WEAKENINGS = 500
 SETTLED = 1e-12
 """Change of friction limits, relative to them, at which weakening has come to rest."""
@@ -214,158 +209,10 @@ class StepEquations:
         raise SimulationError("friction does not stop weakening; take shorter steps")
 
     def _slack(self, position: Position) -> Floats:
-        ends = [*self.track.arcs[: position.whole]]
+        ends = self.track.arcs[: position.whole]
         lengths = np.append(np.diff(ends, prepend=0.0), position.length)
         stiffness = self.friction.stiffness * lengths
         return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
-
-    # the ways of the tip
-
-    def press(self, depth: float) -> Solution:
-        """Return the forces with the tip at the crack front, pressing from nothing to cutting."""
-        position = self.front()
-        return self.solve(position, depth, 0.0, position.cutting_force)
-
-    def draw(self, depth: float, start: float) -> tuple[float, Solution] | None:
-        """Return where on its path a tip without force is, and the forces.
-
-        Parameters
-        ----------
-        depth : float, m
-        start : float, m
-            Path length at which it was.
-
-        Returns
-        -------
-        Path length, m, and solution; None: the tip is beyond the crack front. With a gap at
-        length 0 the needle is out.
-        """
-        last = self.track.length
-        low, high = 0.0, last
-        arc = min(max(start + depth - self.depth, 0.0), last)
-        before: tuple[float, float] | None = None
-        for _ in range(MOST_ITERATIONS):
-            solution = self.solve(self.at_arc(arc), depth, 0.0, 0.0)
-            gap = solution.gap
-            if abs(gap) <= TOLERANCE or (gap > 0.0 and arc <= 0.0):
-                return arc, solution
-            if gap < 0.0 and arc >= last:
-                return None
-            low, high = (arc, high) if gap < 0.0 else (low, arc)
-            slope = 1.0
-            if before is not None and before[1] != gap:
-                slope = (gap - before[1]) / (arc - before[0])
-            before, wanted = (arc, gap), arc - gap / slope if slope > 0.0 else np.nan
-            inside = low < wanted < high
-            at_end = (wanted <= 0.0 == low) or (wanted >= last == high)
-            arc = min(max(wanted, 0.0), last) if inside or at_end else 0.5 * (low + high)
-        raise SimulationError(f"no place of the tip found on its path at depth {depth:.4g} m")
-
-    def cut(self, depth: float, ahead: float) -> Solution | None:
-        """Return the forces with a tip that has cut on (Broyden's method), or None: not found.
-
-        Parameters
-        ----------
-        depth : float, m
-        ahead : float, m
-            How far about.
-        """
-        axis, front = self.instrument.axis, self.track.front
-        tip = front + ahead * axis.direction
-        jacobian = np.eye(len(tip))
-        solution, error = self._cut_at(tip, depth)
-        for _ in range(MOST_ITERATIONS):
-            if np.max(np.abs(error)) <= TOLERANCE:
-                return solution
-            if abs(np.linalg.det(jacobian)) < FLAT:
-                return None
-            change = -np.linalg.solve(jacobian, error)
-            reach, more = float(axis.direction @ (tip - front)), float(axis.direction @ change)
-            if reach + more <= 0.0:  # the tip can't go back: go half way towards where it was
-                change *= -0.5 * reach / more
-            try:
-                solution, reached = self._cut_at(tip + change, depth)
-            except OutsideError:
-                return None
-            wrong = reached - error - jacobian @ change
-            jacobian = jacobian + np.outer(wrong, change) / (change @ change)
-            tip, error = tip + change, reached
-            if np.linalg.norm(change) < STALLED * reach:
-                return None
-        return None
-
-    def cut_to(self, distance: float, depth: float) -> Solution | None:
-        """Return the forces with a tip that has cut a distance, at whatever depth, or None.
-
-        Parameters
-        ----------
-        distance : float, m
-            From the crack front.
-        depth : float, m
-            Guess.
-        """
-        axis, front = self.instrument.axis, self.track.front
-        unknown = np.zeros(len(front))  # depth beyond the guess, then sideways
-        jacobian = np.diag([-1.0, *np.ones(len(front) - 1)])
-        before: tuple[Floats, Floats] | None = None
-        for _ in range(MOST_ITERATIONS):
-            sideways = unknown[1:]
-            forward = np.sqrt(np.maximum(distance**2 - sideways @ sideways, 0.0))
-            tip = front + forward * axis.direction + sideways @ axis.laterals
-            position = self.at_point(tip, self.track.count)
-            force = position.cutting_force
-            solution = self.solve(position, depth + unknown[0], force, force)
-            error = np.append(solution.gap, solution.beside)
-            if np.max(np.abs(error)) <= TOLERANCE:
-                return solution
-            if before is not None:
-                change = unknown - before[0]
-                wrong = error - before[1] - jacobian @ change
-                jacobian = jacobian + np.outer(wrong, change) / (change @ change)
-            before = (unknown, error)
-            if abs(np.linalg.det(jacobian)) < FLAT:
-                return None
-            unknown = unknown - np.linalg.solve(jacobian, error)
-            if np.linalg.norm(unknown[1:]) >= distance or np.array_equal(unknown, before[0]):
-                return None
-        return None
-
-    def _cut_at(self, tip: Vector, depth: float) -> tuple[Solution, Floats]:
-        position = self.at_point(tip, self.track.count)
-        force = position.cutting_force
-        solution = self.solve(position, depth, force, force)
-        error = np.append(solution.gap, solution.beside) @ self.instrument.axis.frame
-        return solution, error
-
-    def run_ahead(self, distance: float, depth: float) -> Solution:
-        """Return the forces, whatever the tip's is, with a tip that ran ahead of the crack front.
-
-        Parameters
-        ----------
-        distance : float, m
-            From the crack front.
-        depth : float, m
-        """
-        axis, front = self.instrument.axis, self.track.front
-        sideways, slope = np.zeros(len(axis.laterals)), np.eye(len(axis.laterals))
-        before: tuple[Floats, Floats] | None = None
-        for _ in range(MOST_ITERATIONS):
-            forward = np.sqrt(distance**2 - sideways @ sideways)
-            tip = front + forward * axis.direction + sideways @ axis.laterals
-            solution = self.solve(self.at_point(tip, self.track.count), depth, -np.inf, np.inf)
-            beside = solution.beside
-            if np.max(np.abs(beside)) <= TOLERANCE:
-                return solution
-            if before is not None:
-                change = sideways - before[0]
-                wrong = beside - before[1] - slope @ change
-                slope = slope + np.outer(wrong, change) / (change @ change)
-            before = (sideways, beside)
-            sideways = sideways - np.linalg.solve(slope, beside)
-            sideways *= min(1.0, 0.9 * distance / max(float(np.linalg.norm(sideways)), 1e-300))
-            if np.array_equal(sideways, before[0]):
-                break
-        raise SimulationError(f"no equilibrium found {distance:.3g} m ahead of {front} m")
 
 
 def _resized(guess: Floats, like: Floats) -> Floats:
