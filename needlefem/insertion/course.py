@@ -17,7 +17,7 @@ from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.schedule import legs, ticks
 from needlefem.insertion.state import State
 from needlefem.insertion.stepping import Stepping
-from needlefem.insertion.track import Friction
+from needlefem.needle.friction import Friction
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Motion, Scene
 

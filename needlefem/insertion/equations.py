@@ -11,19 +11,16 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
-from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
 from needlefem.insertion.state import State
-from needlefem.insertion.track import Friction, Track
+from needlefem.insertion.track import Track
 from needlefem.needle.contact import Contact
+from needlefem.needle.friction import Friction, Rub
 from needlefem.needle.functionals import Sliding, Trial
 from needlefem.needle.shaft import Shaft
 
 TOLERANCE = 1e-12
 """Distance of the tip from where the needle is at which a step is solved, m."""
-MOST_WEAKENINGS = 500
-SETTLED = 1e-12
-"""Change of friction limits, relative to them, at which weakening has come to rest."""
 
 
 class Field(Protocol):
@@ -76,6 +73,8 @@ class Solution:
         Friction of the pieces, then the tip's axial force.
     slip : array, shape (whole + 1,), m
         Of the needle relative to the tissue in this step, forward positive.
+    slipped : array, shape (whole + 1,), m
+        Since sticking, at the step's end.
     gap : float, m
         From the needle's tip ahead to the material at the tip's position; negative: behind.
     beside : array, shape (dim - 1,), m
@@ -86,6 +85,7 @@ class Solution:
     depth: float
     forces: Floats
     slip: Floats
+    slipped: Floats
     gap: float
     beside: Floats
 
@@ -181,38 +181,26 @@ class StepEquations:
     # forces at a position
 
     def solve(self, position: Position, depth: float, low: float, high: float) -> Solution:
-        """Solve for friction, and for the tip's force between bounds; friction may weaken."""
-        axis, whole = self.instrument.axis, position.whole
-        slipped = self.track.slipped[: whole + 1]
-        slack = np.zeros(whole + 2)
-        travel = np.append(position.before + (depth - self.depth), 0.0)
-        travel[-1] = depth - axis.along(position.tip)
-        old = np.append(self.track.pull[: whole + 1], min(max(0.0, low), high))
-        if self.friction.stiffness > 0.0:
-            slack[:-1] = self._slack(position)
-            travel[:-1] += slack[:-1] * old[:-1]
-        limits = self.friction.limits(position.kinetic, slipped)
-        forces = old if self._guess is None else _resized(self._guess, old)
-        for _ in range(MOST_WEAKENINGS):
-            bounds = np.append(limits, 0.0)
-            bottom, top = -bounds, bounds.copy()
-            bottom[-1], top[-1] = low, high
-            forces = position.shaft.forces(travel, bottom, top, forces, slack)
-            apart = travel - position.shaft.moved(forces) - slack * forces
-            slip = np.where(np.abs(forces[:-1]) < limits, 0.0, apart[:-1])
-            weaker = self.friction.limits(position.kinetic, slipped + np.abs(slip))
-            if np.all(limits - weaker <= SETTLED * limits):
-                self._guess = forces
-                beside = axis.offset(position.tip) + position.shaft.beside(forces)
-                return Solution(position, depth, forces, slip, -float(apart[-1]), beside)
-            limits = np.minimum(limits, weaker)
-        raise SimulationError("friction does not stop weakening; take shorter steps")
-
-    def _slack(self, position: Position) -> Floats:
-        ends = self.track.arcs[: position.whole]
-        lengths = np.append(np.diff(ends, prepend=0.0), position.length)
-        stiffness = self.friction.stiffness * lengths
-        return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+        """Solve for friction, and for the tip's force between bounds."""
+        axis, whole, track = self.instrument.axis, position.whole, self.track
+        ends = np.diff(track.arcs[:whole], prepend=0.0)
+        rub = Rub(
+            friction=self.friction,
+            kinetic=position.kinetic,
+            slipped=track.slipped[: whole + 1],
+            travel=position.before + (depth - self.depth),
+            old=track.pull[: whole + 1],
+            lengths=np.append(ends, position.length),
+        )
+        start = np.append(rub.old, min(max(0.0, low), high))
+        if self._guess is not None:
+            start = _resized(self._guess, start)
+        shaft, tip = position.shaft, (low, high, depth - float(axis.along(position.tip)))
+        forces, slip, apart = rub.solve(shaft.compliance, shaft.free, start, tip)
+        self._guess = forces
+        beside = axis.offset(position.tip) + shaft.beside(forces)
+        gap = -float(apart[-1])
+        return Solution(position, depth, forces, slip, rub.after(slip), gap, beside)
 
 
 def _resized(guess: Floats, like: Floats) -> Floats:

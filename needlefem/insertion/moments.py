@@ -16,8 +16,6 @@ from needlefem.needle.functionals import Piece, Trial
 
 THIN = 1e-9
 """Length of a piece, relative to the spacing, below which its hold is taken to be of this."""
-STUCK = 1e-13
-"""Slip in a step that is none, m."""
 
 
 def free_state(track: Track, tip_at_entry: Weights, time: float, depth: float) -> State:
@@ -73,10 +71,8 @@ def pressing_state(track: Track, trial: Trial, forces: Floats, time: float, dept
     )
 
 
-def settled(
-    contact: Contact, track: Track, moment: Moment, time: float
-) -> tuple[State, StepField, Floats]:
-    """Return the state at a moment, its field, and the needle's slip in the step.
+def settled(contact: Contact, track: Track, moment: Moment, time: float) -> tuple[State, StepField]:
+    """Return the state at a moment, and its field.
 
     Parameters
     ----------
@@ -97,7 +93,6 @@ def settled(
     forces[dim + 1 :] = position.shaft.lateral(solution.forces)
     lateral = contact.lateral_forces(trial, forces)
     moved = contact.displacements(lateral, trial, forces)
-    slip = np.where(np.abs(solution.slip) > STUCK, solution.slip, 0.0)
     state = State(
         depth=moment.depth,
         tip=position.tip,
@@ -113,12 +108,12 @@ def settled(
         time=time,
         covered=moment.arc,
         end=_end(track, solution),
-        slipping=np.sign(slip).astype(int),
+        slipping=np.sign(solution.slip).astype(int),
         way=moment.way,
         tip_moved=float(moved[whole, 0]),
     )
     path = np.column_stack([pull[:whole], lateral]).ravel()
-    return state, StepField(contact, path, trial, forces), slip
+    return state, StepField(contact, path, trial, forces)
 
 
 def _end(track: Track, solution: Solution) -> Piece:

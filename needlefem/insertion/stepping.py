@@ -29,9 +29,10 @@ from needlefem.insertion.skin import touch
 from needlefem.insertion.state import State, Way
 from needlefem.insertion.stepfield import Rest, StepField
 from needlefem.insertion.tip import run_ahead
-from needlefem.insertion.track import Friction, Track
+from needlefem.insertion.track import Track
 from needlefem.insertion.ways import Moment, attempt, first_change, within_piece
 from needlefem.needle.contact import Contact
+from needlefem.needle.friction import Friction
 from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 
@@ -221,8 +222,8 @@ class Stepping:
         if ahead:
             track.front = solution.position.tip
             moment = dataclasses.replace(moment, arc=track.length)
-        state, field, slip = settled(contact, track, moment, time)
-        track.remember(state.axial, slip)
+        state, field = settled(contact, track, moment, time)
+        track.remember(state.axial, solution.slipped)
         self._keep(state, field, finish=finish)
         self._arc = moment.arc
         assert state.end is not None
