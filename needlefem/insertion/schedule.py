@@ -10,6 +10,8 @@ from needlefem.scene import Motion, Stage
 
 EVEN = 1e-9
 """Slack, in steps, with which a leg is cut into steps."""
+HALVINGS = 6
+"""Of the first step after the needle turned back, in which friction turns round."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,6 +110,9 @@ def _table(motion: Motion) -> tuple[Leg, ...]:
 def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -> Iterator[Tick]:
     """Yield the steps of a motion, of equal duration within a leg.
 
+    Where nothing depends on time, the first step after the needle turned back grows from a short
+    one: sticking gives way there, over a travel that is short in stiff tissue.
+
     Parameters
     ----------
     motion : Motion
@@ -118,14 +123,20 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
     timeless : bool
         Nothing happens while the needle rests: a hold is one step.
     """
-    time = 0.0
+    time, last = 0.0, 0.0
     for leg in legs(motion):
         travel = leg.end - leg.start
         needed = max(leg.duration / time_step, abs(travel) / longest)
         count = 1 if timeless and travel == 0.0 else max(1, math.ceil(needed - EVEN))
-        for number in range(1, count + 1):
-            share, last = number / count, number == count
-            depth = leg.end if last else leg.start + share * travel
-            release = leg.release if last else None
-            yield Tick(time + share * leg.duration, depth, leg.duration / count, release)
-        time += leg.duration
+        shares = [number / count for number in range(1, count + 1)]
+        if timeless and travel * last < 0.0:
+            shares = [shares[0] * 0.5**n for n in range(HALVINGS, 0, -1)] + shares
+        begin = 0.0
+        for share in shares:
+            end = share == 1.0
+            depth = leg.end if end else leg.start + share * travel
+            duration = (share - begin) * leg.duration if timeless else leg.duration / count
+            release = leg.release if end else None
+            yield Tick(time + share * leg.duration, depth, duration, release)
+            begin = share
+        time, last = time + leg.duration, travel or last

@@ -81,7 +81,7 @@ def _drawn(equations: StepEquations, arc: float, depth: float) -> Moment | None:
     if found is None:
         return None
     arc, solution = found
-    if solution.gap > TOLERANCE:
+    if solution.gap > TOLERANCE or arc <= TOLERANCE:
         return Moment(Way.OUT, 0.0, depth, None)
     return Moment(Way.WITHDRAWN, arc, depth, solution)
 
