@@ -60,6 +60,13 @@ class Simulation:
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
+    @property
+    def steps(self) -> bool:
+        """Whether the scene's motion needs time steps, beyond what a march can do."""
+        motion = self.scene.motion
+        marched = self.scene.discretisation.integrator == "march"
+        return not marched or bool(motion.stages or motion.times)
+
     @cached_property
     def responses(self) -> Responses:
         """Responses of the tissue, shared by all insertions."""

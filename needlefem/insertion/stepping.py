@@ -72,7 +72,9 @@ class Stepping:
         self.friction = friction
         self.track = Track(instrument)
         self.pieces: list[Piece] = []
-        self.account = Account(self.pieces)
+        stiffness = friction.stiffness
+        give = instrument.lateral_stiffness / stiffness if stiffness > 0.0 else 0.0
+        self.account = Account(self.pieces, give)
         self.snaps: list[Snap] = []
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.evaluations = 0
