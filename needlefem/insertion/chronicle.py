@@ -79,7 +79,8 @@ class Chronicle:
         if (old.way, new.way) in CHANGES and (len(old.axial) or len(new.axial)):
             # a step is cut before the tip leaves and after it arrives
             arrived = new.way in (Way.OUT, Way.PRESSING, Way.CUTTING) or not self._timeless
-            self.happens(CHANGES[old.way, new.way], tip, new if arrived else old)
+            took = tip + (friction if new.way is Way.OUT else 0.0)
+            self.happens(CHANGES[old.way, new.way], took, new if arrived else old)
         if len(new.axial) < 2 or new.slipping is None:
             return
         slipping = np.count_nonzero(new.slipping[1:])

@@ -130,6 +130,11 @@ class Ledger:
     least: float = 0.0
 
     @property
+    def given(self) -> float:
+        """The most that friction, cutting or snaps gave in a step, relative to the turnover."""
+        return max(-self.least, 0.0) / self.turnover if self.turnover else 0.0
+
+    @property
     def residual(self) -> float:
         """What is missing, relative to the needle's work (its turnover in any motion)."""
         spent = self.strain + self.hold + self.friction + self.cutting + self.snap + self.capture

@@ -11,7 +11,7 @@ from needlefem.scene import Motion, Stage
 EVEN = 1e-9
 """Slack, in steps, with which a leg is cut into steps."""
 HALVINGS = 6
-"""Of the first step after the needle turned back, in which friction turns round."""
+"""Of the first step after the needle stopped or turned back, in which sticking gives way."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,8 +110,8 @@ def _table(motion: Motion) -> tuple[Leg, ...]:
 def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -> Iterator[Tick]:
     """Yield the steps of a motion, of equal duration within a leg.
 
-    Where nothing depends on time, the first step after the needle turned back grows from a short
-    one: sticking gives way there, over a travel that is short in stiff tissue.
+    Where nothing depends on time, the first step after the needle stopped or turned back grows
+    from a short one: sticking gives way there, over a travel that is short in stiff tissue.
 
     Parameters
     ----------
@@ -123,13 +123,13 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
     timeless : bool
         Nothing happens while the needle rests: a hold is one step.
     """
-    time, last = 0.0, 0.0
-    for leg in legs(motion):
-        travel = leg.end - leg.start
+    time, stopped, parts = 0.0, False, legs(motion)
+    travels = [leg.end - leg.start for leg in parts]
+    for number, (leg, travel) in enumerate(zip(parts, travels, strict=True)):
         needed = max(leg.duration / time_step, abs(travel) / longest)
         count = 1 if timeless and travel == 0.0 else max(1, math.ceil(needed - EVEN))
-        shares = [number / count for number in range(1, count + 1)]
-        if timeless and travel * last < 0.0:
+        shares = [n / count for n in range(1, count + 1)]
+        if timeless and stopped and travel != 0.0:
             shares = [shares[0] * 0.5**n for n in range(HALVINGS, 0, -1)] + shares
         begin = 0.0
         for share in shares:
@@ -139,4 +139,6 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
             release = leg.release if end else None
             yield Tick(time + share * leg.duration, depth, duration, release)
             begin = share
-        time, last = time + leg.duration, travel or last
+        time += leg.duration
+        following = travels[number + 1] if number + 1 < len(travels) else 0.0
+        stopped = travel * following <= 0.0

@@ -10,7 +10,6 @@ import dataclasses
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from scipy.optimize import brentq
 
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError, Weights
@@ -19,6 +18,7 @@ from needlefem.insertion.account import Account
 from needlefem.insertion.chronicle import Chronicle
 from needlefem.insertion.equations import Field, StepEquations
 from needlefem.insertion.fields import load
+from needlefem.insertion.growth import goal, land, run_ahead
 from needlefem.insertion.handover import hand_over
 from needlefem.insertion.march import March
 from needlefem.insertion.media import Medium
@@ -28,7 +28,6 @@ from needlefem.insertion.schedule import Tick
 from needlefem.insertion.skin import touch
 from needlefem.insertion.state import State, Way
 from needlefem.insertion.stepfield import Rest, StepField
-from needlefem.insertion.tip import run_ahead
 from needlefem.insertion.track import Track
 from needlefem.insertion.ways import Moment, attempt, first_change, within_piece
 from needlefem.needle.contact import Contact
@@ -154,7 +153,7 @@ class Stepping:
         new = attempt(equations, old.way, self._arc, tick.depth)
         if self.medium.timeless:
             if new.way is not old.way:
-                new = first_change(equations, old.way, old.tip_force, new) or new
+                new = first_change(equations, old, self._arc, new) or new
             new = within_piece(equations, new)
         if new.way is Way.CUTTING and new.solution is None:
             yield from self._run_ahead(tick, start)
@@ -163,22 +162,21 @@ class Stepping:
 
     def _run_ahead(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
         """Let the tip run on at fixed depth until its force is back at that of cutting."""
-        timeless, spacing, first = self.medium.timeless, self.instrument.spacing, self._count
+        timeless, first = self.medium.timeless, self._count
         depth = tick.depth
         if timeless:
-            depth = self.state.depth + np.clip(depth - self.state.depth, None, NUDGE * spacing)
+            depth = min(depth, self.state.depth + NUDGE * self.instrument.spacing)
         time, released = tick.time_at(depth, start), self.account.snap
         while True:
             equations, track = self._equations(), self.track
-            whole = spacing - (track.length - track.arcs[-1])
-            step = run_ahead(equations, whole, depth)
+            high = goal(equations)
+            step = run_ahead(equations, high, depth)
             if step.excess <= 0.0:
                 break
-            moment = Moment(Way.JUMPING, track.length, depth, step)
-            yield self._accept(moment, time, finish=timeless)
-        reach = float(brentq(lambda x: run_ahead(equations, x, depth).excess, 1e-6 * whole, whole,
-                             xtol=1e-12 * spacing))  # fmt: skip
-        landing = run_ahead(equations, reach, depth)
+            yield self._accept(
+                Moment(Way.JUMPING, track.length, depth, step), time, finish=timeless
+            )
+        landing = land(equations, high, depth)
         yield self._accept(Moment(Way.CUTTING, track.length, depth, landing), time)
         self.snaps.append(Snap(depth, first, self._count))
         self.chronicle.happens("snap", self.account.snap - released, self.state)
