@@ -1,9 +1,6 @@
 """What happens on the way of a needle: events, and what its tip lets go of."""
 
-import dataclasses
-
 import numpy as np
-from scipy.optimize import brentq
 
 from needlefem.arrays import Points, Vector
 from needlefem.fem.interpolation import Weights
@@ -23,23 +20,12 @@ CHANGES = {
 """What a change of the tip's way is called."""
 
 
-@dataclasses.dataclass
-class Deepest:
-    """The moment at which the needle was deepest: depth (m), field, path length (m)."""
-
-    depth: float
-    field: Field
-    length: float
-
-
 class Chronicle:
     """Events and seeds of one motion.
 
     Parameters
     ----------
     track : Track
-    field : Field
-        At the start.
     timeless : bool
         Whether steps are cut where something happens.
 
@@ -50,21 +36,21 @@ class Chronicle:
     seeds : list of Seed
     """
 
-    def __init__(self, track: Track, field: Field, *, timeless: bool) -> None:
+    def __init__(self, track: Track, *, timeless: bool) -> None:
         self.events: list[Event] = []
         self.seeds: list[Seed] = []
         self._track, self._timeless = track, timeless
-        self._deepest = Deepest(0.0, field, 0.0)
+        self._way_in = [(0.0, track.instrument.axis.entry)]
         self._sticking = False
 
     def happens(self, kind: str, energy: float, at: State, name: str = "") -> None:
         """Note an event."""
         self.events.append(Event(kind, at.time, at.depth, at.tip, energy, name))
 
-    def deepen(self, state: State, field: Field) -> None:
-        """Remember the state if the needle was never deeper."""
-        if state.depth >= self._deepest.depth and state.way is not Way.OUT:
-            self._deepest = Deepest(state.depth, field, state.covered)
+    def deepen(self, state: State) -> None:
+        """Remember the tip's material if the needle was never deeper."""
+        if state.depth > self._way_in[-1][0] and state.way is not Way.OUT:
+            self._way_in.append((state.depth, state.tip))
 
     def tell(self, old: State, new: State, spent: tuple[float, float]) -> None:
         """Note what changed from one state to the next.
@@ -108,20 +94,12 @@ class Chronicle:
         self.happens("release", 0.0, state, name)
 
     def _shortcut(self, state: State) -> Vector:
-        """Return the material that was where the tip is when the needle was deepest."""
-        deepest, track = self._deepest, self._track
-        instrument = track.instrument
-        if state.depth >= deepest.depth or deepest.length <= 0.0:
+        """Return the material that was at the tip at this depth on the way in."""
+        depths = np.array([depth for depth, _ in self._way_in])
+        if state.depth >= depths[-1]:
             return state.tip
-
-        def ahead(arc: float) -> float:
-            point = track.at(arc)[1]
-            moved = deepest.field.means(instrument.tip(point))[0, 0]
-            return float(instrument.axis.along(point) + moved) - state.depth
-
-        if ahead(0.0) >= 0.0 or ahead(deepest.length) <= 0.0:
-            return state.tip
-        return track.at(float(brentq(ahead, 0.0, deepest.length, xtol=1e-12)))[1]
+        tips = np.array([tip for _, tip in self._way_in])
+        return np.array([np.interp(state.depth, depths, along) for along in tips.T])
 
     def places(self, field: Field) -> Points:
         """Return where the seeds are in the world under a field, shape (nseeds, dim), m."""

@@ -76,8 +76,8 @@ class Seed:
     point : array, shape (dim,), m
         Material point at the tip: where it comes to rest.
     shortcut : array, shape (dim,), m
-        Material that was at the same place of the world when the needle was deepest: what one
-        would take for it without simulating the retraction.
+        Material that was at the tip at the same depth on the way in: what one would take for it
+        without simulating the retraction.
     weights : Weights
         The mean displacement of what it lies in is ``weights.of(field)``.
     inside : bool

@@ -81,7 +81,7 @@ class Stepping:
         self._tip_at_entry = instrument.tip(instrument.axis.entry)
         self.state = free_state(self.track, self._tip_at_entry, 0.0, 0.0)
         self._field: Field = Rest(model.dim)
-        self.chronicle = Chronicle(self.track, self._field, timeless=medium.timeless)
+        self.chronicle = Chronicle(self.track, timeless=medium.timeless)
         self._solved: list[StepEquations] = []
         self._spent = (0.0, 0.0)
         self._arc = 0.0
@@ -118,7 +118,8 @@ class Stepping:
         self.pieces.extend(march.contact.pieces)
         self.state, self._field = hand_over(march, self.track, speed)
         self._arc, self._count = self.track.length, len(march.states) - 1
-        self.chronicle.deepen(self.state, self._field)
+        for state in march.states:
+            self.chronicle.deepen(state)
         self.account.begin(spent)
 
     # a step and what happens in it
@@ -257,6 +258,6 @@ class Stepping:
             if energies:
                 stored = energies["strain"] + energies["stored"]
                 self.account.set_tissue(stored, energies["relaxation"])
-        self.chronicle.deepen(state, field)
+        self.chronicle.deepen(state)
         self.chronicle.tell(old, state, self._spent)
         return state

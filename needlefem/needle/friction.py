@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem.arrays import Bools, Floats
 from needlefem.errors import SimulationError
 from needlefem.needle.boxed import minimise
 
@@ -127,10 +127,40 @@ class Rub:
             still = inside[:count] | (np.abs(apart[:count]) <= STUCK)
             slip = np.where(still, 0.0, apart[:count])
             weaker = self._limits(slip)
-            if np.all(limits - weaker <= SETTLED * limits):
+            if np.all(np.abs(limits - weaker) <= SETTLED * limits):
                 return forces, slip, apart
-            limits = np.minimum(limits, weaker)
+            limits = self._weakened(limits, weaker, slip, inside, matrix)
         raise SimulationError("friction does not stop weakening; take shorter steps")
+
+    def _weakened(
+        self, limits: Floats, weaker: Floats, slip: Floats, inside: Bools, matrix: Floats
+    ) -> Floats:
+        """Return limits nearer to those that their own slip gives.
+
+        What slips and still weakens is solved for as if nothing else changed (Newton's method).
+        Where that would not come to rest, all that slips falls to what its slip allows.
+        """
+        way = np.where(slip < 0.0, 1, 0)
+        pieces = np.arange(len(slip))
+        falling = (slip != 0.0) & (weaker[way, pieces] > self.kinetic * (1.0 + SETTLED))
+        moving = np.flatnonzero(falling)
+        if not moving.size or self.friction.length <= 0.0:
+            return weaker
+        stuck = np.flatnonzero(inside)
+        give = matrix[np.ix_(moving, moving)]
+        if stuck.size:
+            cross = matrix[np.ix_(stuck, moving)]
+            give = give - cross.T @ np.linalg.solve(matrix[np.ix_(stuck, stuck)], cross)
+        sign = np.sign(slip[moving])
+        rate = self.kinetic[moving] * (self.friction.ratio - 1.0) / self.friction.length
+        jacobian = np.eye(len(moving)) - rate[:, None] * (sign[:, None] * give * sign)
+        missing = (limits - weaker)[way[moving], moving]
+        step = np.linalg.solve(jacobian, missing)
+        found = weaker.copy()
+        if np.all(step * np.sign(missing) >= 0.0) and np.all(np.abs(step) >= np.abs(missing)):
+            reached = limits[way[moving], moving] - step
+            found[way[moving], moving] = np.maximum(reached, self.kinetic[moving])
+        return found
 
     def _limits(self, slip: Floats) -> Floats:
         """Return the limits for both ways of slipping after some slip in the step, shape (2, n).
