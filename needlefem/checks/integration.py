@@ -5,7 +5,7 @@ from scipy.linalg import expm
 
 from needlefem.arrays import Floats
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.dynamics import Damping, Integrator, MatrixSystem, Motion
+from needlefem.dynamics import Integrator, MatrixSystem, Motion
 from needlefem.dynamics.histories import Load, iterate, last
 from needlefem.errors import CaseError
 
@@ -21,7 +21,6 @@ class Oscillator(MatrixSystem):
     def __init__(self, ratio: float = 0.0) -> None:
         one = np.ones((1, 1))
         super().__init__(one, one, 2.0 * ratio * one if ratio else None)
-        self.rayleigh = Damping(mass_rate=2.0 * ratio)
 
 
 class Forgetful(MatrixSystem):

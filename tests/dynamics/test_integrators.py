@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from needlefem.checks.integration import Oscillator, spectral_radius
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import (
     HHT,
@@ -47,10 +48,15 @@ def test_a_step_above_the_limit_is_refused_and_named() -> None:
         CentralDifference().stepper(system, 1.01)
 
 
-def test_damping_and_branches_lower_the_limit() -> None:
-    model = rectangle(CATALOGUE["P1"], GEL, 4)
-    free = critical_step(TissueSystem(model))
-    assert critical_step(TissueSystem(model, Damping(stiffness_time=0.1))) < free
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 1.0, 3.0])
+def test_the_limit_is_the_same_with_damping(ratio: float) -> None:
+    explicit = CentralDifference(refuse_unstable=False)
+    assert critical_step(Oscillator(ratio)) == pytest.approx(2.0)
+    assert spectral_radius(explicit, 1.999, ratio) <= 1.0 + 1e-12
+    assert spectral_radius(explicit, 2.001, ratio) > 1.0 + 1e-4
+
+
+def test_branches_lower_the_limit() -> None:
     one, branched = MatrixSystem(ONE, ONE), MatrixSystem(ONE, ONE, branches=[(1.0, 3.0 * ONE)])
     assert critical_step(branched) == pytest.approx(0.5 * critical_step(one))
 
