@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.checks.integration import Oscillator, spectral_radius
+from needlefem.checks.integration import Oscillator, spectral_radius, stability_limit
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import (
     HHT,
@@ -54,6 +54,12 @@ def test_the_limit_is_the_same_with_damping(ratio: float) -> None:
     assert critical_step(Oscillator(ratio)) == pytest.approx(2.0)
     assert spectral_radius(explicit, 1.999, ratio) <= 1.0 + 1e-12
     assert spectral_radius(explicit, 2.001, ratio) > 1.0 + 1e-4
+
+
+def test_measured_stability_limits() -> None:
+    assert stability_limit(CentralDifference()) == pytest.approx(2.0, abs=1e-5)
+    assert stability_limit(CentralDifference(refuse_unstable=False)) == pytest.approx(2.0, abs=1e-5)
+    assert stability_limit(Newmark()) == np.inf
 
 
 def test_branches_lower_the_limit() -> None:
