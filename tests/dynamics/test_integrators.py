@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,14 +11,16 @@ from needlefem.dynamics import (
     Damping,
     EnergyLedger,
     GeneralizedAlpha,
+    Integrator,
     MatrixSystem,
     Newmark,
     QuasiStatic,
     TissueSystem,
+    at_rest,
     critical_step,
     integrator_class,
 )
-from needlefem.dynamics.histories import constant, iterate, last, ramp, table, together
+from needlefem.dynamics.histories import constant, iterate, last, ramp, switched, table, together
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic
@@ -109,6 +113,9 @@ def test_loads_in_time() -> None:
     force = np.array([2.0])
     assert ramp(force, 4.0)(1.0) == pytest.approx(0.5)
     assert ramp(force, 4.0)(9.0) == pytest.approx(2.0)
+    pulse = switched(force, 1.0, 2.0)
+    assert [pulse(time)[0] for time in (0.9, 1.0, 1.9, 2.0)] == [0.0, 2.0, 2.0, 0.0]
+    assert switched(force, 1.0)(1e9) == pytest.approx(2.0)
     steps = table(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 0.0]), force)
     assert steps(2.0) == pytest.approx(1.0)
     assert together(steps, constant(force))(2.0) == pytest.approx(3.0)
@@ -125,6 +132,26 @@ def test_slow_motion_is_quasi_static() -> None:
         stepper = integrator.stepper(system, 5.0)
         ends.append(last(iterate(stepper, stepper.start(rest, rest), slow, 500)).u)
     assert ends[0] == pytest.approx(ends[1], abs=1e-6 * np.abs(ends[1]).max())
+
+
+@pytest.mark.parametrize("integrator", [
+    Newmark(), HHT(), GeneralizedAlpha(), CentralDifference(), QuasiStatic(),
+])  # fmt: skip
+def test_steps_factorise_nothing(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+    system = TissueSystem(rectangle(CATALOGUE["P2"], GEL, 3), Damping(stiffness_time=0.1))
+    counted: list[int] = []
+    real = type(system).factor
+
+    def counting(self: TissueSystem, *shares: Any) -> Any:
+        counted.append(1)
+        return real(self, *shares)
+
+    monkeypatch.setattr(TissueSystem, "factor", counting)
+    stepper = integrator.stepper(system, 1e-3)
+    assert len(counted) == 1
+    force = np.ones(system.size)
+    last(iterate(stepper, at_rest(system), constant(force), 50))
+    assert len(counted) == 1
 
 
 def test_ledger_of_a_damped_fall_into_rest() -> None:
