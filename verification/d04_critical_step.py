@@ -7,7 +7,7 @@ from scipy.sparse import diags_array
 
 from needlefem.checks.models import rectangle
 from needlefem.checks.problem import Answer, Findings, Problem
-from needlefem.checks.race import INTEGRATORS, Race
+from needlefem.checks.race import INTEGRATORS, WAVES, Race, implicit_and_explicit
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -30,7 +30,7 @@ RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
 """Error of the end under average acceleration, two digits, by number of elements."""
 RINGING = 2.59
 """Largest force at the fixed end under average acceleration, within 0.03; 2 is exact."""
-WAVES: dict[str, Integrator] = {
+IN_A_BAR: dict[str, Integrator] = {
     "Newmark": Newmark(),
     "HHT -0.05": HHT(alpha=-0.05),
     "HHT -0.3": HHT(alpha=-0.3),
@@ -148,7 +148,7 @@ def waves() -> list[Answer]:
             Answer(label=f"Newmark, {cells} cells: force rings to", value=ringing,
                    reference=RINGING, tolerance=1.6e-2),
         ]  # fmt: skip
-    for name, integrator in WAVES.items():
+    for name, integrator in IN_A_BAR.items():
         for lumped in (False, True):
             coarse, _ = impact(integrator, bar(20, lumped=lumped), 0.5, 8.0)
             fine, ringing = impact(integrator, bar(80, lumped=lumped), 0.5, 8.0)
@@ -168,7 +168,7 @@ def damped_and_still() -> list[Answer]:
     answers = []
     loudest = impact(Newmark(), bar(80, lumped=False), 0.5, 8.0)[1]
     for name in ("HHT -0.3", "generalised-alpha 0.5"):
-        rings = impact(WAVES[name], bar(80, lumped=False), 0.5, 8.0)[1]
+        rings = impact(IN_A_BAR[name], bar(80, lumped=False), 0.5, 8.0)[1]
         label = f"{name}, 80 cells: rings less than Newmark by"
         answers.append(Answer(label=label, value=loudest - rings, reference=0.02, at_least=True))
     rms, force = impact(QuasiStatic(), bar(80), 0.5, 8.0)
@@ -219,6 +219,9 @@ RACES = [
         levels=(0, 1, 2, 3),
         measure=lambda found: found,
         target=1e-2,
+        group=WAVES[0],
+        defaults=WAVES[1],
+        rivals=implicit_and_explicit(CHOICES),
     )
 ]
 PROBLEM = Problem(
