@@ -39,8 +39,8 @@ def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, S
     near, far, before = start, np.nan, None
     arc = min(max(start + min(max(travel, -longest), longest), 0.0), last)
     ahead = travel > 0.0
-    if not travel or equations.contact.background is not None:
-        arc = start  # the tissue moves by itself: it says which way to look
+    if start <= 0.0 or not travel or equations.contact.background is not None:
+        arc = start  # out, or the tissue moves by itself: it says which way to look
         ahead = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0).gap < 0.0
     for _ in range(MOST_ITERATIONS):
         solution = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)

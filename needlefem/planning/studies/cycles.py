@@ -1,10 +1,11 @@
 """Ten thousand times in, rest, and out: nothing drifts, and memory does not grow."""
 
 import itertools
-import tracemalloc
+import resource
 
 import numpy as np
 
+from needlefem.errors import SimulationError
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
 from needlefem.scene import Scene, Stage, vary
@@ -37,7 +38,6 @@ def cycled(scene: Scene, cycles: int) -> Table:
     course = simulation.course(simulation.entry_of_case())
     watched = {2, cycles // 10, cycles // 2, cycles}
     rows, seen, number = [], [], 0
-    tracemalloc.start()
     states = course.iterate()
     for before, state in itertools.pairwise(states):
         course.take_events()
@@ -45,8 +45,9 @@ def cycled(scene: Scene, cycles: int) -> Table:
             number += 1
             if number in watched:
                 seen.append(_measures(state))
-                rows.append([number, *seen[-1], tracemalloc.get_traced_memory()[0] / 2**20])
-    tracemalloc.stop()
+                rows.append([number, *seen[-1], _most_memory()])
+    if len(seen) < len(watched):
+        raise SimulationError(f"only {number} of {cycles} cycles: {course.outcome.sentence}")
     drift = max(np.max(np.abs(np.array(m) / np.array(seen[0]) - 1.0)) for m in seen)
     growth = rows[-1][-1] / rows[1][-1] - 1.0
     energies = course.result(()).energies
@@ -59,6 +60,11 @@ def cycled(scene: Scene, cycles: int) -> Table:
         note=f"{course.outcome.sentence}; drift {drift:.1e}, memory grows by {100 * growth:.2g} %, "
         f"{left:.1e} of the work is left in the tissue",
     )
+
+
+def _most_memory() -> float:
+    """Return the most memory that the process ever had, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def _measures(state: State) -> list[float]:
