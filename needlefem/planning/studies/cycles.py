@@ -1,22 +1,27 @@
-"""Ten thousand times in, rest, and out: nothing drifts, and memory does not grow."""
+"""Ten thousand times in, rest, and out: the tissue comes to rest, and memory does not grow.
+
+A needle that comes back to the same depth finds the friction next to its tip not yet at its
+limit: the tip carries more and cuts on a little, by ever less from cycle to cycle.
+"""
 
 import itertools
 import resource
 
 import numpy as np
 
+from needlefem.arrays import Vector
 from needlefem.errors import SimulationError
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import State
+from needlefem.insertion.state import Way
 from needlefem.scene import Scene, Stage, vary
 from needlefem.table import Table
 
 CYCLES = 10_000
 PIECES = 3
 """Of the path; long ones, for there are many steps."""
-DRIFT, GROWTH = 1e-9, 0.02
-"""Largest change of force and place between the second cycle and the last, relative; and growth
-of memory from a tenth of the cycles to their end."""
+LEFT, GROWTH = 1e-9, 0.02
+"""Largest strain energy with the needle out, over the work; largest growth of memory after a
+tenth of the cycles."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
@@ -36,36 +41,41 @@ def cycled(scene: Scene, cycles: int) -> Table:
     }
     simulation = Simulation(vary(scene, changes))
     course = simulation.course(simulation.entry_of_case())
-    watched = {2, cycles // 10, cycles // 2, cycles}
-    rows, seen, number = [], [], 0
-    states = course.iterate()
-    for before, state in itertools.pairwise(states):
+    watched = {1, 2, cycles // 10, cycles // 2, cycles}
+    rows: list[list[float]] = []
+    number, rested, tip, left = 0, False, np.zeros(scene.dim), 0.0
+    for state in course.iterate():
         course.take_events()
-        if state.depth == depth and before.depth == depth:
+        resting = state.depth == depth
+        if resting and not rested:
             number += 1
             if number in watched:
-                seen.append(_measures(state))
-                rows.append([number, *seen[-1], _most_memory()])
-    if len(seen) < len(watched):
+                rows.append([number, state.force, *_advance(state.tip, tip), _most_memory()])
+            tip = state.tip
+        rested = resting
+        if state.way is Way.OUT and course.stepping is not None:
+            account = course.stepping.account
+            left = max(left, abs(account.strain) / account.turnover if account.turnover else 0.0)
+    if number < cycles:
         raise SimulationError(f"only {number} of {cycles} cycles: {course.outcome.sentence}")
-    drift = max(np.max(np.abs(np.array(m) / np.array(seen[0]) - 1.0)) for m in seen)
-    growth = rows[-1][-1] / rows[1][-1] - 1.0
-    energies = course.result(()).energies
-    left = abs(energies.strain) / energies.turnover if energies is not None else np.inf
+    growth = rows[-1][-1] / rows[2][-1] - 1.0
+    advances = [row[3] for row in rows]
+    falls = all(b <= a for a, b in itertools.pairwise(advances))
     return Table(
         title=f"{cycles} cycles of going in, resting, and coming out",
-        columns=("cycle", "force (N/m)", "material at the tip (m)", "memory (MiB)"),
+        columns=("cycle", "force (N/m)", "material (cm)", "cut on (um)", "memory (MiB)"),
         rows=rows,
-        passed=bool(number == cycles and drift <= DRIFT and growth <= GROWTH and left <= DRIFT),
-        note=f"{course.outcome.sentence}; drift {drift:.1e}, memory grows by {100 * growth:.2g} %, "
-        f"{left:.1e} of the work is left in the tissue",
+        passed=falls and growth <= GROWTH and left <= LEFT,
+        note=f"at most {left:.1e} of the work is left in the tissue when the needle is out; memory "
+        f"grows by {100 * growth:.2g} % after a tenth of the cycles",
     )
+
+
+def _advance(tip: Vector, before: Vector) -> tuple[float, float]:
+    """Return the distance of the tip's material from the origin, cm, and from before, um."""
+    return 100.0 * float(np.linalg.norm(tip)), 1e6 * float(np.linalg.norm(tip - before))
 
 
 def _most_memory() -> float:
     """Return the most memory that the process ever had, MiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-def _measures(state: State) -> list[float]:
-    return [state.force, float(np.linalg.norm(state.tip))]
