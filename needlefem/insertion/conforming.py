@@ -22,8 +22,11 @@ from needlefem.needle.instrument import Instrument
 from needlefem.needle.settle import Settled
 from needlefem.needle.touch import Touch
 
-TOLERANCE = 1e-7
-"""Distance of the tip from where the needle is at which a step is solved, m."""
+TOLERANCE = 1e-6
+"""Distance of the tip from where the needle is at which a step is solved, m.
+
+A hundredth of the tolerance of the paper's search.
+"""
 MOST_ITERATIONS, MOST_HALVINGS = 20, 10
 SLOPES = (0.2, 1.5)
 """Least and most way of the tip per travel of the needle that is expected of a step."""

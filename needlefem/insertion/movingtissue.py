@@ -8,6 +8,7 @@ step, are a small one on top.
 import dataclasses
 
 import numpy as np
+from scipy.linalg.lapack import dgesv
 
 from needlefem.arrays import Floats, Ints, Vector
 from needlefem.dynamics import Motion
@@ -165,12 +166,11 @@ class MovingTissue:
         compliance[:rows, rows:], compliance[rows:, :rows] = crossed, crossed.T
         compliance[rows:, rows:] = behind[:, at] @ loads.T
         free = np.concatenate([self._free[:rows], loads @ self._free[rows:][at]])
-        coupling = np.vstack([self._beside[:, :size], behind[:, :size]])
+        coupling = np.concatenate([self._beside[:, :size], behind[:, :size]])
         constant = constant - change @ self._free[rows : rows + size]
-        solved = np.linalg.solve(
-            np.eye(size) + change @ self._between[:size, :size],
-            np.column_stack([change, constant]),
-        )
+        matrix = change @ self._between[:size, :size]
+        matrix.flat[:: size + 1] += 1.0
+        *_, solved, _ = dgesv(matrix, np.column_stack([change, constant]))
         pull, push = 0.5 * (solved[:, :-1] + solved[:, :-1].T), solved[:, -1]
         compliance -= coupling @ pull @ coupling.T
         return Response(compliance, free + coupling @ push, coupling, pull, push, at, loads)

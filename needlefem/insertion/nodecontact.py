@@ -117,18 +117,16 @@ class NodeContact:
     def _limits(self, point: Vector, shares: Floats, way: Way, *, endless: bool) -> Limits:
         friction = shares * np.append(self._friction, self._touch.friction(point[None]))
         push = np.inf if endless else self._touch.cutting_force(point) + friction[-1]
+        count = len(friction) - 1
+        high = np.full(2 * count + 2, np.inf)
+        high[:count], high[-2] = friction[:-1], push
+        low = -high
+        low[-2] = -friction[-1]
         if way is Way.WITHDRAWN:
-            least, most = [0.0, 0.0], [0.0, 0.0]
+            low[-2:] = high[-2:] = 0.0
         elif way is Way.CUTTING:
-            least, most = [push, 0.0], [push, 0.0]
-        else:
-            least, most = [-friction[-1], -np.inf], [push, np.inf]
-        hold = np.full(len(friction) - 1, np.inf)
-        return Limits(
-            np.concatenate([-friction[:-1], -hold, least]),
-            np.concatenate([friction[:-1], hold, most]),
-            self._grip,
-        )
+            low[-2:] = high[-2:] = [push, 0.0]
+        return Limits(low, high, self._grip)
 
     def finish(self, response: Response, settled: Settled) -> None:
         """End the step under the forces found."""

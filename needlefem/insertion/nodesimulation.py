@@ -18,6 +18,8 @@ from needlefem.scene import Scene
 
 CALM = Newmark(beta=0.3025, gamma=0.6)
 DAMPING = Damping(mass_rate=5.0, stiffness_time=2e-3)
+APART = 0.25
+"""Distance of the material points of kept states, at least, relative to the way of a step."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -98,7 +100,7 @@ class NodeSimulation(Simulation):
         depths = motion.speed * self.numbers.step * np.arange(1, count + 1)
         states: list[State] = []
         for state in pushed.iterate(depths):
-            _keep(states, state)
+            _keep(states, state, APART * motion.speed * self.numbers.step)
             if self._watch is not None:
                 self._watch(state)
             if stop is not None and stop(state):
@@ -117,14 +119,17 @@ class NodeSimulation(Simulation):
         )
 
 
-def _keep(states: list[State], state: State) -> None:
-    """Keep the first touch, the last state at every material point, and so the puncture."""
+def _keep(states: list[State], state: State, least: float) -> None:
+    """Keep the first touch, the puncture, and from there on states at least so far apart, m.
+
+    Of others the last is kept: with a new node at the tip, the path may stand still for a step.
+    """
     if not states:
         states.append(dataclasses.replace(state, depth=0.0, time=0.0, tip_force=0.0))
     elif len(states) == 2 and len(state.axial) and not len(states[-1].axial):
         last = states[-1]  # the skin gives way between this state and the next
         states[-1] = dataclasses.replace(last, tip_force=max(last.tip_force, last.cutting_force))
-    if len(states) > 1 and np.array_equal(states[-1].tip, state.tip):
+    elif len(states) > 1 and float(np.linalg.norm(state.tip - states[-1].tip)) < least:
         states.pop()
     states.append(state)
 

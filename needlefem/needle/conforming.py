@@ -83,7 +83,7 @@ class NodeChain:
     @property
     def nodes(self) -> Ints:
         """Nodes on the shaft, in the order of the path."""
-        return np.array([one.node for one in self.shaft], dtype=np.intp)
+        return np.fromiter((one.node for one in self.shaft), np.intp, len(self.shaft))
 
     @property
     def tip(self) -> Vector:
@@ -95,12 +95,16 @@ class NodeChain:
 
         Without a tip, which has been drawn back, it is that between the nodes.
         """
-        end = self.shaft[-1].length if self.shaft else 0.0
+        count = len(self.shaft)
+        where = np.empty(count + 1)
+        where[:-1] = [one.length for one in self.shaft]
+        where[-1] = where[count - 1] if count else 0.0
         if tip is not None:
-            end = self.lengths[-1] + float(np.linalg.norm(tip - self.path[-1]))
-        where = np.array([*(one.length for one in self.shaft), end])
-        half = 0.5 * np.diff(where)
-        found: Floats = np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half])
+            where[-1] = self.lengths[-1] + float(np.linalg.norm(tip - self.path[-1]))
+        half = 0.5 * (where[1:] - where[:-1])
+        found = np.zeros(count + 1)
+        found[:-1] = half
+        found[1:] += half
         return found
 
     def moves_to(self, point: Vector) -> Moves:
@@ -122,8 +126,7 @@ class NodeChain:
         """Return the nodes that may be at the tip, the nearest at home first."""
         ring = np.unique(self.mesh.cells[self.mesh.around(np.array([self.tip_node]))])
         ring = np.unique(self.mesh.cells[self.mesh.around(ring)])
-        along = self.axis.along(self.mesh.home)
-        ahead = along[ring] - along[self.tip_node]
+        ahead = (self.mesh.home[ring] - self.mesh.home[self.tip_node]) @ self.axis.direction
         used = self.mesh.fixed[ring] | (ahead <= AHEAD * float(np.abs(ahead).max()))
         follows = (ring == self.tip_node) & ~self.mesh.fixed[ring]
         free = ring[(~used & ~np.isin(ring, self.nodes)) | follows]

@@ -8,6 +8,7 @@ shaft is attached or slides in this way; a tip holds or cuts; a constraint has n
 import dataclasses
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from needlefem.arrays import Bools, Floats
 from needlefem.errors import SimulationError
@@ -73,7 +74,12 @@ def settle(
         loose = np.where(held, 0.0, forces)
         rest = target - free - compliance @ loose
         forces = loose
-        forces[held] = np.linalg.solve(compliance[np.ix_(held, held)], rest[held])
+        rows = np.flatnonzero(held)
+        if rows.size:
+            _, solved, singular = dposv(compliance[rows[:, None], rows], rest[rows])
+            if singular:
+                raise SimulationError("two nodes on the needle hold the same material")
+            forces[rows] = solved
         moved = free + compliance @ forces
         over = held & (forces > limits.grip * limits.high)
         under = held & (forces < limits.grip * limits.low)

@@ -153,8 +153,8 @@ def test_shaft_nodes_lie_on_the_axis_and_forces_within_limits(organ: Scene) -> N
     nodes = np.append(chain.nodes, chain.tip_node)
     moved = tissue.moved(Weights(nodes, np.eye(len(nodes))))
     where = chain.mesh.points[nodes] + moved
-    assert insertion.axis.offset(where)[:, 0] == pytest.approx(0.0, abs=2e-7)
-    assert insertion.axis.along(where[-1]) == pytest.approx(last.depth, abs=2e-7)
+    assert insertion.axis.offset(where)[:, 0] == pytest.approx(0.0, abs=2e-6)
+    assert insertion.axis.along(where[-1]) == pytest.approx(last.depth, abs=2e-6)
     limit = organ.needle.shaft_friction * chain.shares(chain.tip)
     assert np.all(np.abs(last.axial) <= limit * (1.0 + 1e-9))
     assert np.sum(last.axial) == pytest.approx(organ.needle.shaft_friction * last.covered)
