@@ -78,6 +78,7 @@ class NodeChain:
         if not self.valid(moves):
             raise NoNodeError("no node of the skin can be moved to where the needle enters")
         self.tip_node = skin
+        self._free: Ints | None = None
         self._apply(moves)
 
     @property
@@ -124,14 +125,20 @@ class NodeChain:
 
     def _candidates(self, point: Vector) -> list[int]:
         """Return the nodes that may be at the tip, the nearest at home first."""
+        if self._free is None:
+            self._free = self._free_around()
+        away = np.sum((self.mesh.home[self._free] - point) ** 2, axis=1)
+        return [int(node) for node in self._free[np.argsort(away, kind="stable")]]
+
+    def _free_around(self) -> Ints:
+        """Return the tip's node and those ahead of it that may follow it."""
         ring = np.unique(self.mesh.cells[self.mesh.around(np.array([self.tip_node]))])
         ring = np.unique(self.mesh.cells[self.mesh.around(ring)])
         ahead = (self.mesh.home[ring] - self.mesh.home[self.tip_node]) @ self.axis.direction
-        used = self.mesh.fixed[ring] | (ahead <= AHEAD * float(np.abs(ahead).max()))
-        follows = (ring == self.tip_node) & ~self.mesh.fixed[ring]
-        free = ring[(~used & ~np.isin(ring, self.nodes)) | follows]
-        away = np.linalg.norm(self.mesh.home[free] - point, axis=1)
-        return [int(node) for node in free[np.argsort(away, kind="stable")]]
+        follows = (ahead > AHEAD * float(np.abs(ahead).max())) & ~np.isin(ring, self.nodes)
+        follows |= ring == self.tip_node
+        free: Ints = ring[follows & ~self.mesh.fixed[ring]]
+        return free
 
     def _ways(self, node: int, point: Vector) -> list[Moves]:
         """Return the ways to bring a node to the tip: where the last one may be left behind."""
@@ -179,7 +186,7 @@ class NodeChain:
             if len(moves) > 1:
                 length = self._length_at(moves[0][1])
             self.shaft.append(ShaftNode(self.tip_node, length))
-            self.tip_node = moves[-1][0]
+            self.tip_node, self._free = moves[-1][0], None
         self._apply(moves)
         return changed
 
@@ -202,7 +209,7 @@ class NodeChain:
 
     def back_to(self, mark: "Mark") -> None:
         """Undo all moves since a mark."""
-        self.tip_node, self.shaft = mark.tip_node, list(mark.shaft)
+        self.tip_node, self.shaft, self._free = mark.tip_node, list(mark.shaft), None
         for node in np.flatnonzero(np.any(self.mesh.points != mark.points, axis=1)):
             self.mesh.place(int(node), mark.points[node])
 

@@ -188,8 +188,12 @@ def drift(
 
 
 def unplanned(simulation: Simulation, target: Vector) -> tuple[Reach | None, str]:
-    """Return what the tip has reached when it is at the target in the world, and the status."""
+    """Return what the tip has reached when it is at the target in the world, and the status.
+
+    None: the insertion ended before.
+    """
     entry = simulation.entry_through(target)
     depth = float(simulation.direction @ (target - entry.point))
     insertion = simulation.insert(entry, lambda state: state.depth > depth + 2e-3)
-    return Path(insertion).at_depth(depth), str(insertion.outcome.status)
+    reach = Path(insertion).at_depth(depth) if insertion.depths[-1] >= depth else None
+    return reach, str(insertion.outcome.status)

@@ -17,6 +17,7 @@ STUDIES = {
     "energy": "the energy ledger by two formulas, over path spacings",
     "extremes": "every element under incompressibility, contrast, slivers, needles on mesh lines",
     "independence": "the plan against mesh, path spacing, lateral hold and kernel quadrature",
+    "paper": "the paper's own method beside ours: placement, drift, noise, time",
     "robust": "the plan carried out on another case, and with other parameters",
     "smoothness": "noise of the map from height to miss and depth",
     "stability": "extreme parameters and meshes, each with a status",
