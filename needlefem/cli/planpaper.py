@@ -81,7 +81,7 @@ def _beside(paper: Timed, ours: Timed, axes: tuple[str, ...]) -> Table:
         for one in (paper, ours)
     ]
     names = [f"release {axis} (cm)" for axis in axes]
-    last = ("error (cm)", "insertions", "time steps", "seconds")
+    last = ("error (cm)", "insertions", "time steps", "processor s")
     return Table(
         title="the paper's method beside ours, on the same mesh",
         columns=("method", "status", *names, *last),
@@ -94,7 +94,8 @@ def _cm(point: Any) -> list[str]:
 
 
 def _drift(drifts: list[tuple[Drifted, Drifted]], axes: tuple[str, ...]) -> Table:
-    names = [f"{who}, {axis} (cm)" for who in ("the paper's", "ours") for axis in axes]
+    quantities = [*(f"{axis} (cm)" for axis in axes), "skin cut (cm)"]
+    names = [f"{who}, {what}" for who in ("the paper's", "ours") for what in quantities]
     rows = [
         [
             pair[0].refined,
@@ -111,4 +112,5 @@ def _drift(drifts: list[tuple[Drifted, Drifted]], axes: tuple[str, ...]) -> Tabl
 
 
 def _where(one: Drifted, dim: int) -> list[str]:
-    return [""] * dim if one.placed_at is None else _cm(one.placed_at)
+    cut = "never" if one.punctured_at is None else f"{100.0 * one.punctured_at:.4f}"
+    return [*([""] * dim if one.placed_at is None else _cm(one.placed_at)), cut]

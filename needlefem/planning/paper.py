@@ -12,6 +12,7 @@ from needlefem.arrays import Vector
 from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime, NodeSimulation
 from needlefem.insertion.path import Path, Reach
+from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.planning.plan import checked
 from needlefem.planning.planner import Planner
@@ -34,7 +35,7 @@ class Timed:
     name : str
     plan : Plan
     seconds : float
-        Of model and search, without checks and evidence.
+        Of processor time for model and search, without checks and evidence.
     steps : int
         Time steps; 0 for a march.
     """
@@ -57,14 +58,14 @@ class Drifted:
         Of the insertion.
     placed_at : array, shape (dim,), m, or None
         None: the tip never was at the target.
-    seconds : float
-        Of the insertion.
+    punctured_at : float, m, or None
+        Depth at which the skin was cut.
     """
 
     refined: int
     status: str
     placed_at: Vector | None
-    seconds: float
+    punctured_at: float | None
 
 
 def paper_plan(
@@ -89,14 +90,14 @@ def paper_plan(
     CheckFailedError
         The discretisation fails a check.
     """
-    begin = time.perf_counter()
+    begin = time.process_time()
     simulation = NodeSimulation(scene, numbers, watch=watch)
     planner = Planner(simulation, _target(scene, target))
-    model = time.perf_counter()
+    model = time.process_time()
     checks = checked(simulation)
-    ready = time.perf_counter()
+    ready = time.process_time()
     found = planner.plan("golden")
-    end = time.perf_counter()
+    end = time.process_time()
     evidence = Evidence(
         preflight=checks,
         ledger=None,
@@ -117,10 +118,10 @@ def paper_plan(
 
 def own_plan(scene: Scene, search: str = "root", target: Vector | None = None) -> Timed:
     """Plan by a march and a search, to compare with."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     planner = Planner(Simulation(scene), _target(scene, target))
     found = planner.plan(search)
-    return Timed(name=f"ours, {search}", plan=found, seconds=time.perf_counter() - begin)
+    return Timed(name=f"ours, {search}", plan=found, seconds=time.process_time() - begin)
 
 
 def _target(scene: Scene, target: Vector | None) -> Vector:
@@ -179,16 +180,20 @@ def drift(
     for times in refinements:
         finer = refined(scene, times)
         simulation = Simulation(finer) if numbers is None else NodeSimulation(finer, numbers)
-        begin = time.perf_counter()
-        reach, status = unplanned(simulation, _target(scene, None))
-        seconds = time.perf_counter() - begin
-        where = None if reach is None else reach.point
-        found.append(Drifted(refined=times, status=status, placed_at=where, seconds=seconds))
+        reach, insertion = unplanned(simulation, _target(scene, None))
+        found.append(
+            Drifted(
+                refined=times,
+                status=str(insertion.outcome.status),
+                placed_at=None if reach is None else reach.point,
+                punctured_at=insertion.puncture_depth,
+            )
+        )
     return found
 
 
-def unplanned(simulation: Simulation, target: Vector) -> tuple[Reach | None, str]:
-    """Return what the tip has reached when it is at the target in the world, and the status.
+def unplanned(simulation: Simulation, target: Vector) -> tuple[Reach | None, Insertion]:
+    """Return what the tip has reached when it is at the target in the world, and how.
 
     None: the insertion ended before.
     """
@@ -196,4 +201,4 @@ def unplanned(simulation: Simulation, target: Vector) -> tuple[Reach | None, str
     depth = float(simulation.direction @ (target - entry.point))
     insertion = simulation.insert(entry, lambda state: state.depth > depth + 2e-3)
     reach = Path(insertion).at_depth(depth) if insertion.depths[-1] >= depth else None
-    return reach, str(insertion.outcome.status)
+    return reach, insertion

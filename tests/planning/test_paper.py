@@ -60,8 +60,8 @@ def test_insertion_reads_like_a_march(coarse: Scene) -> None:
 
 def test_an_uncut_skin_is_a_status(coarse: Scene) -> None:
     shallow = NodeSimulation(vary(coarse, {"motion.max_depth": 1e-3}))
-    reach, status = unplanned(shallow, np.array(coarse.target))
-    assert status == Status.NOT_PUNCTURED
+    reach, insertion = unplanned(shallow, np.array(coarse.target))
+    assert insertion.outcome.status is Status.NOT_PUNCTURED
     assert reach is None
 
 
