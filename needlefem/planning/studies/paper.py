@@ -17,6 +17,7 @@ from needlefem.planning.paper import Drifted, Timed, drift, own_plan, paper_plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Release
 from needlefem.planning.studies.common import carry_out
+from needlefem.planning.studies.targets import draw_targets
 from needlefem.scene import Scene
 from needlefem.table import Table
 
@@ -38,7 +39,8 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         own_plan(scene),
     ]
     height = plans[-1].plan.solution.height
-    return [_placements(scene, other, plans), _drifts(scene), _noise(scene, height), _times(scene)]
+    tables = [_placements(scene, other, plans), _drifts(scene), _noise(scene, height)]
+    return [*tables, _times(scene), *([_targets(scene)] if scene.targets else [])]
 
 
 def _placements(scene: Scene, other: Scene | None, plans: list[Timed]) -> Table:
@@ -139,6 +141,28 @@ def _noise(scene: Scene, start: Floats) -> Table:
         columns=("method", "heights apart (um)", "miss (cm)", "depth (cm)"),
         rows=rows,
     )
+
+
+def _targets(scene: Scene) -> Table:
+    """Plan for the targets that the case draws."""
+    targets = draw_targets(scene)
+    rows = []
+    found = {
+        PAPERS: [paper_plan(scene, target=target) for target in targets],
+        OURS: [own_plan(scene, target=target) for target in targets],
+    }
+    for name, plans in found.items():
+        errors = 100.0 * np.array([_missed(one.plan.best) for one in plans])
+        naive = 100.0 * np.array([_missed(one.plan.unplanned) for one in plans])
+        spent = float(np.mean([one.seconds for one in plans]))
+        shown = [f"{values.mean():.2g} ({values.std(ddof=1):.1g})" for values in (naive, errors)]
+        rows.append([name, *shown, float(errors.max()), spent])
+    columns = ("unplanned, mean (SD) (cm)", "planned, mean (SD) (cm)", "worst (cm)", "processor s")
+    return Table(title=f"{len(targets)} targets", columns=("method", *columns), rows=rows)
+
+
+def _missed(release: Release | None) -> float:
+    return np.inf if release is None else release.placement_error
 
 
 def _times(scene: Scene) -> Table:
