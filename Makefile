@@ -12,6 +12,9 @@ DEBIAN := libegl1 libgl1 libgl1-mesa-dri libxrender1
 DRAWS := $(BIN)/python -c "from needlefem.output.driver import renderer; renderer()"
 
 # what a bare Debian lacks: python3-venv for the environment, Mesa for pictures
+# dense products are small here: threads only cost
+export OPENBLAS_NUM_THREADS ?= 1
+
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 

@@ -8,7 +8,7 @@ from scipy.sparse.linalg import spsolve
 
 from needlefem.checks.models import rectangle, square_mesh, tissue
 from needlefem.checks.problem import Answer, Findings, Problem
-from needlefem.checks.race import INTEGRATORS, Race
+from needlefem.checks.race import INTEGRATORS, WAVES, Race, implicit_and_explicit
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -163,6 +163,9 @@ RACES = [
         levels=(0, 1, 2, 3),
         measure=lambda found: found,
         target=1e-2,
+        group=WAVES[0],
+        defaults=WAVES[1],
+        rivals=implicit_and_explicit(CHOICES),
     ),
     Race(
         title="slow push, Q2",

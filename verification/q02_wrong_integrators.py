@@ -84,6 +84,14 @@ class Forgetful(ImplicitStepper):
         return dataclasses.replace(super().advance(motion, u), parts=motion.parts)
 
 
+class BorrowedVelocity(ImplicitStepper):
+    """Says the velocity in the middle of the step."""
+
+    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+        """Return the motion with a velocity that is half a step old."""
+        return dataclasses.replace(super().advance(motion, u), v=(u - motion.u) / self.step)
+
+
 @dataclasses.dataclass(frozen=True)
 class Wrong:
     """A wrong stepper with weights of the generalised-alpha family."""
@@ -97,7 +105,7 @@ class Wrong:
 
 
 AVERAGE = Weights(0.0, 0.0, 0.25, 0.5)
-WRONG: dict[str, tuple[Wrong, str]] = {
+WRONG: dict[str, tuple[Integrator, str]] = {
     "beta and gamma swapped": (Wrong(ImplicitStepper, Weights(0.0, 0.0, 0.5, 0.25)), "stability"),
     "stale acceleration": (Wrong(StaleAcceleration, AVERAGE), "order, free"),
     "predictor without acceleration": (Wrong(WrongPredictor, AVERAGE), "free fall"),
@@ -106,6 +114,8 @@ WRONG: dict[str, tuple[Wrong, str]] = {
         Wrong(ImplicitStepper, Weights(0.0, -0.1, 0.3025, 0.6)), "order, free"),
     "old acceleration counted twice": (Wrong(HalfVelocity, AVERAGE), "free fall"),
     "memory left as it was": (Wrong(Forgetful, AVERAGE), "order, memory"),
+    "velocity of the step's middle": (Wrong(BorrowedVelocity, AVERAGE), "energy"),
+    "no limit to the step": (CentralDifference(refuse_unstable=False), "stability"),
     "force of the step before": (Wrong(LateForce, AVERAGE), "order, pushed"),
 }  # fmt: skip
 """What is wrong, and the check that must catch it."""

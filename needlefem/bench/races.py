@@ -108,9 +108,12 @@ def _beaten(race: Race, means: Times) -> list[str]:
 
 
 def _chart(race: Race, points: Sequence[Point]) -> str:
-    lines = []
+    """Draw error over seconds; points that no other beats are ringed."""
+    lines, best = [], front(points)
     for name in race.entrants:
         own = [p for p in points if p.entrant == name and p.error > 0.0]
+        ringed = [place for place, p in enumerate(own) if p in best]
         if own:
-            lines.append(Line(name, [p.seconds for p in own], [p.error for p in own]))
-    return loglog(f"{race.title}: {race.quantity}", "seconds", "relative error", lines)
+            lines.append(Line(name, [p.seconds for p in own], [p.error for p in own], ringed))
+    title = f"{race.title}: {race.quantity} (ringed: beaten by none)"
+    return loglog(title, "seconds", "relative error", lines)

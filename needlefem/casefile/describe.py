@@ -16,6 +16,7 @@ from needlefem.scene import (
     Planning,
     Refinement,
     Region,
+    Stage,
     Support,
     TargetDraw,
 )
@@ -30,6 +31,7 @@ TABLES: dict[str, type] = {
     "`[discretisation]`": Discretisation,
     "`[needle]`": Needle,
     "`[motion]`": Motion,
+    "`[[motion.stages]]`": Stage,
     "`[planning]`": Planning,
     "`[targets]`": TargetDraw,
     "`[outputs]`": Outputs,

@@ -6,13 +6,13 @@ from needlefem.dynamics import Motion, Newmark, TissueSystem, kinetic_energy
 from needlefem.fem.model import Model
 
 
-def energy_drift(model: Model, step: float, count: int) -> float:
+def energy_drift(model: Model, step: float, count: int, lumping: str | None = None) -> float:
     """Return the largest relative change of energy over `count` free steps of `step` s.
 
     Average acceleration without damping, from a smooth displacement at rest; the energy is
     looked at a hundred times.
     """
-    system = TissueSystem(model)
+    system = TissueSystem(model, lumping=lumping)
     dynamics = Newmark().stepper(system, step)
 
     def energy_of(motion: Motion) -> float:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -48,6 +48,17 @@ class Race:
     group: str = ""
     defaults: tuple[str, ...] = ()
     rivals: Sequence[Sequence[str]] = ()
+
+
+WAVES = ("waves", ("generalised-alpha 0.8", "central diff., lumped"))
+"""Problems with waves, and what the package would choose there: implicit, and explicit."""
+
+
+def implicit_and_explicit(entrants: Iterable[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of integrators by whether they have a limit to the step."""
+    names = tuple(entrants)
+    explicit = tuple(name for name in names if name.startswith("central diff."))
+    return tuple(name for name in names if name not in explicit), explicit
 
 
 def same_cells() -> list[list[str]]:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from needlefem.insertion.result import State
 from needlefem.insertion.simulation import Watch
+from needlefem.insertion.state import State
 from needlefem.output.files import to_json
 
 

@@ -2,9 +2,10 @@
 
 import argparse
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
-from needlefem.checks.integration import check_integrator
+from needlefem.checks.integration import check_integrator, measured
 from needlefem.checks.qualify import failures, qualify
 from needlefem.checks.result import CheckResult
 from needlefem.cli.common import say, say_json
@@ -32,13 +33,20 @@ def main(options: argparse.Namespace) -> int:
     return _say(options, found)
 
 
-def _say(options: argparse.Namespace, found: dict[tuple[str, str], tuple[CheckResult, ...]]) -> int:
+def _say(
+    options: argparse.Namespace,
+    found: dict[tuple[str, str], tuple[CheckResult, ...]],
+    numbers: Mapping[tuple[str, str], Mapping[str, float]] | None = None,
+) -> int:
+    numbers = numbers or {}
     if options.json:
-        say_json([_record(pair, checks) for pair, checks in found.items()])
+        say_json([_record(pair, checks, numbers.get(pair)) for pair, checks in found.items()])
     elif len(found) == 1:
         say(_checks(*next(iter(found.items()))).text())
     else:
         say(_overview(found).text())
+    if numbers and not options.json:
+        say(_numbers(numbers).text())
     return 1 if any(failures(checks) for checks in found.values()) else 0
 
 
@@ -46,16 +54,34 @@ def _integrators(options: argparse.Namespace, settings: dict[str, str]) -> int:
     """Qualify integrators that move mass; 1 if a check fails."""
     moving = [name for name in NAMES if name != "quasi-static"]
     found: dict[tuple[str, str], tuple[CheckResult, ...]] = {}
+    numbers: dict[tuple[str, str], dict[str, float]] = {}
     for name in _names(options.integrator, moving):
-        numbers = {key: _number(value, key) for key, value in settings.items()}
-        theory = numbers.pop("order", 2.0)
+        if name == "quasi-static":
+            remedy = "see d04_critical_step and d07_square_in_time for what it is worth"
+            raise CaseError("--integrator", "quasi-static steps move no mass", remedy)
+        constants = {key: _number(value, key) for key, value in settings.items()}
+        theory = constants.pop("order", 2.0)
         cls = integrator_class(name, "--integrator")
         known = [field.name for field in dataclasses.fields(cls)]
-        for key in numbers:
+        for key in constants:
             if key not in known:
                 raise CaseError(f"--set {key}", "unknown parameter", nearest(key, known))
-        found[name, "an oscillator"] = check_integrator(cls(**numbers), theory)
-    return _say(options, found)
+        pair, integrator = (name, "an oscillator"), cls(**constants)
+        found[pair] = check_integrator(integrator, theory)
+        numbers[pair] = measured(integrator)
+    return _say(options, found, numbers)
+
+
+def _numbers(numbers: Mapping[tuple[str, str], Mapping[str, float]]) -> Table:
+    rows = dict.fromkeys(name for values in numbers.values() for name in values)
+    return Table(
+        title="measured",
+        columns=("quantity", *(name for name, _ in numbers)),
+        rows=[
+            [row, *(f"{v[row]:.6g}" if row in v else "refused" for v in numbers.values())]
+            for row in rows
+        ],
+    )
 
 
 def _number(text: str, key: str) -> float:
@@ -76,8 +102,11 @@ def _assignment(text: str) -> tuple[str, str]:
     return key.strip(), value.strip().strip("\"'")
 
 
-def _record(pair: tuple[str, str], checks: tuple[CheckResult, ...]) -> dict[str, Any]:
+def _record(
+    pair: tuple[str, str], checks: tuple[CheckResult, ...], numbers: Mapping[str, float] | None
+) -> dict[str, Any]:
     return {
+        **({"measured": numbers} if numbers else {}),
         "what": pair[0],
         "on": pair[1],
         "passed": not failures(checks),

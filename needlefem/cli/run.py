@@ -4,8 +4,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import centimetres, progress, say, say_json, warn
 from needlefem.insertion.ledger import ledger
@@ -15,21 +13,35 @@ from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.validity import validity
 from needlefem.output.expectations import compare
-from needlefem.output.files import write_csv, write_json
-from needlefem.output.records import insertion_record, ledger_record, seed_record
+from needlefem.output.files import write_json
+from needlefem.output.histories import History, recorded
+from needlefem.output.motionpictures import draw_forces, draw_sticking
+from needlefem.output.records import (
+    insertion_record,
+    ledger_record,
+    released_record,
+    seed_record,
+)
 from needlefem.planning.plan import checked
 
 GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
 
 
 def main(options: argparse.Namespace) -> int:
-    """Push the needle in, print, write; return the exit status."""
+    """Let the needle do what the case says, print, write; return the exit status."""
     scene = load_case(options.case, options.overrides)
-    with progress("inserting") as watch:
-        simulation = Simulation(scene, watch=watch)
+    folder = Path(options.out) if options.out else None
+    with progress("moving") as watch:
+        simulation = Simulation(scene)
         checked(simulation)
-        entry = simulation.entry_of_case()
-        insertion = simulation.insert(entry)
+        course = simulation.course(simulation.entry_of_case())
+        states = course.iterate() if folder is None else recorded(course, History(folder=folder))
+        kept = []
+        for state in states:
+            kept.append(state)
+            if watch is not None:
+                watch(state)
+        insertion = course.result(tuple(kept))
     record = {"case": scene.title, "overrides": scene.overrides} | insertion_record(insertion)
     record |= _measures(simulation, insertion)
     expected = compare(scene.expect, record, "run", scene.axes)
@@ -41,8 +53,11 @@ def main(options: argparse.Namespace) -> int:
         warn(record["warnings"])
         if expected is not None:
             say("\n" + expected.text())
-    if options.out:
-        _write(Path(options.out), record, insertion, scene.axes)
+    if folder is not None:
+        write_json(folder / "run.json", record)
+        if not options.no_pictures:
+            draw_forces(insertion, folder / "forces.png")
+            draw_sticking(insertion, folder / "sticking.png")
     if insertion.outcome.status not in GOOD:
         return 3
     return 0 if expected is None or expected.passed else 1
@@ -50,20 +65,13 @@ def main(options: argparse.Namespace) -> int:
 
 def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     """Return seed, energy and validity at the last state."""
-    scene = simulation.scene
-    last = insertion.states[-1]
-    reach = CutPath(insertion).at_depth(min(last.depth, scene.motion.max_depth))
-    reach = reach or Reach(last.depth, last.tip)
-    error = None
-    if scene.target is not None:
-        error = float(np.linalg.norm(reach.point - np.array(scene.target)))
     energies = ledger(insertion)
     strains = validity(insertion, len(insertion.states) - 1)
     warnings = [*simulation.resolved.warnings, *strains.warnings()]
     if insertion.snaps:
         warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
     return {
-        "seeds": [seed_record(insertion, reach, error)],
+        "seeds": _seeds(insertion),
         "energy": ledger_record(energies),
         "validity": vars(strains),
         "timings": {},
@@ -73,32 +81,49 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     }
 
 
+def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
+    """Return what was released; where the motion releases nothing, a seed at its end."""
+    target = insertion.scene.target
+    if insertion.seeds:
+        rest = insertion.states[-1].seeds
+        return [
+            released_record(seed, place, target)
+            for seed, place in zip(insertion.seeds, rest, strict=True)
+        ]
+    last = insertion.states[-1]
+    if insertion.scene.motion.stages or insertion.scene.motion.times:
+        return []
+    reach = CutPath(insertion).at_depth(min(last.depth, insertion.scene.motion.max_depth))
+    return [seed_record(insertion, reach or Reach(last.depth, last.tip))]
+
+
 def _summary(record: dict[str, Any], title: str) -> None:
     say(f"{title}: {record['status']}, {record['sentence']}")
     if record["puncture_depth"] is not None:
         say(f"  skin cut at {100 * record['puncture_depth']:.3f} cm")
-    seed = record["seeds"][0]
-    error = "" if seed["placement_error"] is None else (
-        f", {100 * seed['placement_error']:.3f} cm from the target"
-    )  # fmt: skip
-    say(
-        f"  released at {centimetres(seed['released_at'])}: {seed['status']}, "
-        f"rests at {centimetres(seed['placed_at'])}{error}"
-    )
+    for event in record["events"]:
+        name = f" {event['name']}" if event["name"] else ""
+        at = f"at {event['time']:.2f} s, {100 * event['depth']:.3f} cm"
+        say(f"  {event['kind']}{name} {at}, energy {event['energy']:.3g} J/m")
+    for seed in record["seeds"]:
+        say(_seed_line(seed))
     force = record["tip_force"][-1] + record["shaft_force"][-1]
     say(f"  force {force:.4g} N/m, of which the tip {record['tip_force'][-1]:.4g} N/m")
     energy = record["energy"]
-    terms = ("strain", "friction", "cutting", "snap", "hold", "capture")
-    say(f"  work {energy['work']:.4g} J/m = " + ", ".join(f"{t} {energy[t]:.4g}" for t in terms))
+    terms = ("strain", "friction", "cutting", "snap", "hold", "capture", "contact", "relaxation")
+    spent = ", ".join(
+        f"{t} {energy[t]:.4g}" for t in terms if abs(energy[t]) > 1e-9 * abs(energy["work"])
+    )
+    say(f"  work {energy['work']:.4g} J/m = {spent}")
     say(f"  energy ledger closes to {energy['residual']:.1e} of the work")
 
 
-def _write(folder: Path, record: Any, insertion: Insertion, axes: tuple[str, ...]) -> None:
-    write_json(folder / "run.json", record)
-    header = ["depth [m]", *(f"{a} [m]" for a in axes), "tip force [N/m]", "shaft force [N/m]"]
-    forces = np.column_stack([record["tip_force"], record["shaft_force"]])
-    write_csv(
-        folder / "insertion.csv",
-        header,
-        np.column_stack([insertion.depths, insertion.tips, forces]),
+def _seed_line(seed: dict[str, Any]) -> str:
+    name = f"{seed['name']} " if seed["name"] else ""
+    error = "" if seed["placement_error"] is None else (
+        f", {100 * seed['placement_error']:.3f} cm from the target"
+    )  # fmt: skip
+    return (
+        f"  {name}released at {centimetres(seed['released_at'])}: {seed['status']}, "
+        f"rests at {centimetres(seed['placed_at'])}{error}"
     )

@@ -47,6 +47,11 @@ def constant(force: Floats) -> Load:
     return lambda _: force
 
 
+def switched(force: Floats, on: float, off: float = np.inf) -> Load:
+    """Return a load that comes at once at a time, s, and goes at once at another."""
+    return lambda time: (1.0 if on <= time < off else 0.0) * force
+
+
 def table(times: Floats, factors: Floats, force: Floats) -> Load:
     """Return `force` times a factor read from a table, linear in between."""
     return lambda time: float(np.interp(time, times, factors)) * force

@@ -13,14 +13,22 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
-from needlefem.insertion.contactstep import Field
-from needlefem.insertion.result import Ledger, State, Way
+from needlefem.insertion.equations import Field
+from needlefem.insertion.result import Ledger
+from needlefem.insertion.state import State, Way
 from needlefem.needle.functionals import Piece
 
 
 @dataclasses.dataclass
 class Account:
     """Energies since the first state, J (J/m in 2D).
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+        Of the whole path; may grow.
+    give : float
+        Compliance of sticking over that of the lateral hold.
 
     Attributes
     ----------
@@ -33,6 +41,7 @@ class Account:
     """
 
     pieces: Sequence[Piece]
+    give: float = 0.0
     work: float = 0.0
     strain: float = 0.0
     hold: float = 0.0
@@ -59,6 +68,8 @@ class Account:
         tip = [0.5 * side.tip(travel, sign) for side, sign in signed]
         parts = _tip_parts(old, new, tip)
         hold = _hold(new, self.pieces) - _hold(old, self.pieces)
+        stick = self.give * (_stick(new, self.pieces) - _stick(old, self.pieces))
+        hold, friction = hold + stick, friction - stick
         capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
         strain = _strain(new) - _strain(old)
         self.mismatch = max(
@@ -156,6 +167,12 @@ def _tip_parts(old: State, new: State, apart: list[float]) -> tuple[float, float
 def _hold(state: State, pieces: Sequence[Piece]) -> float:
     compliances = [_piece(state, n, pieces).compliance for n in range(len(state.axial))]
     return 0.5 * float(np.array(compliances) @ np.sum(state.lateral**2, axis=1))
+
+
+def _stick(state: State, pieces: Sequence[Piece]) -> float:
+    """Return the energy of sticking as if it gave way like the lateral hold."""
+    compliances = [_piece(state, n, pieces).compliance for n in range(len(state.axial))]
+    return 0.5 * float(np.array(compliances) @ state.axial**2)
 
 
 def _strain(state: State) -> float:

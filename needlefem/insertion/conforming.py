@@ -15,7 +15,8 @@ from needlefem.dynamics import Motion
 from needlefem.errors import SimulationError
 from needlefem.insertion.movingtissue import MovingTissue, Response
 from needlefem.insertion.nodecontact import NodeContact
-from needlefem.insertion.result import Outcome, State, Status, Way
+from needlefem.insertion.result import Outcome, Status
+from needlefem.insertion.state import State, Way
 from needlefem.insertion.tissueintime import TissueInTime
 from needlefem.needle.conforming import LEAST_AREA, NodeChain, NoNodeError
 from needlefem.needle.instrument import Instrument

@@ -5,23 +5,29 @@ point stops slipping, the needle rests or turns back) stepping takes over, from 
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from needlefem.fem.model import Model
-from needlefem.insertion.ledger import ledger
+from needlefem.insertion.ledger import ledger, released
 from needlefem.insertion.march import March
 from needlefem.insertion.media import ElasticMedium, Medium
-from needlefem.insertion.result import Event, Insertion, Outcome, State, Status
+from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.schedule import legs, ticks
+from needlefem.insertion.state import State
 from needlefem.insertion.stepping import Stepping
-from needlefem.insertion.track import Friction
+from needlefem.needle.friction import Friction
+from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Motion, Scene
 
 STEPS_A_PIECE = 2.0
-"""Time steps in which the needle travels the length of a piece of its path, at least."""
+"""Steps in which the needle travels the length of a piece of its path, or that over which
+friction weakens, at least."""
+MOST_EVENTS = 1000
+"""Of those that were written already, how many a result keeps."""
 
 
 class Course:
@@ -53,10 +59,13 @@ class Course:
         self.march: March | None = None
         self.stepping: Stepping | None = None
         self._legs = legs(motion)
+        self._told = 0
+        self._marched_events: list[Event] = []
+        self._kept: deque[Event] = deque(maxlen=MOST_EVENTS)
 
     def iterate(self) -> Iterator[State]:
         """Yield the states one by one; stop early by not asking for more."""
-        if self.scene.discretisation.integrator == "march":
+        if self.scene.discretisation.integrator == "march" and self._legs[0].end > 0.0:
             yield from self._marched()
             assert self.march is not None
             whole = self.march.outcome.status is Status.COMPLETED
@@ -71,6 +80,28 @@ class Course:
             return self.stepping.outcome
         assert self.march is not None
         return self.march.outcome
+
+    @property
+    def releases(self) -> tuple[str, ...]:
+        """Names of what will be released, in their order."""
+        return tuple(leg.release for leg in self._legs if leg.release)
+
+    @property
+    def pieces(self) -> Sequence[Piece]:
+        """Pieces of the path cut so far."""
+        if self.stepping is not None:
+            return self.stepping.pieces
+        return self.march.contact.pieces if self.march is not None else ()
+
+    def take_events(self) -> list[Event]:
+        """Return what happened since this was asked for the last time."""
+        found = self._events()[self._told :]
+        self._told += len(found)
+        if self.stepping is not None:
+            found = (*found, *self.stepping.chronicle.events)
+            self._kept.extend(self.stepping.chronicle.events)
+            self.stepping.chronicle.events.clear()
+        return list(found)
 
     def _marched(self) -> Iterator[State]:
         first, speed = self._legs[0], self._legs[0].end / self._legs[0].duration
@@ -90,6 +121,8 @@ class Course:
         if not self.medium.timeless and not np.isfinite(wanted):
             wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
         longest = spacing / STEPS_A_PIECE
+        if friction.weakens and friction.length > 0.0:
+            longest = min(longest, friction.length / STEPS_A_PIECE)
         found = ticks(self.motion, wanted, longest, timeless=self.medium.timeless)
         states = stepping.iterate(found)
         if self.march is not None:
@@ -117,8 +150,8 @@ class Course:
             pieces=tuple(stepping.pieces),
             snaps=(*snaps, *stepping.snaps),
             evaluations=stepping.evaluations,
-            events=(*self._events(), *stepping.events),
-            seeds=tuple(stepping.seeds),
+            events=(*self._events(), *self._kept, *stepping.chronicle.events),
+            seeds=tuple(stepping.chronicle.seeds),
             energies=stepping.account.ledger(),
         )
 
@@ -126,14 +159,17 @@ class Course:
         """Return what happened on the march."""
         if self.march is None:
             return ()
-        states, speed = self.march.states, self._legs[0].end / self._legs[0].duration
-        found = []
-        if len(states) > 1 and states[1].tip_force >= states[1].cutting_force:
-            found.append(_event("puncture", states[1], speed, 0.0))
-        for snap in self.march.snaps:
-            path = states[snap.first : snap.last + 1]
-            found.append(_event("snap", path[0], speed, _released(path)))
+        states, found = self.march.states, self._marched_events
+        if not found and len(states) > 1 and states[1].tip_force >= states[1].cutting_force:
+            found.append(self._event("puncture", states[1], 0.0))
+        for snap in self.march.snaps[max(len(found) - 1, 0) :]:
+            energy = released(self._marched_result(), snap)
+            found.append(self._event("snap", states[snap.last], energy))
         return tuple(found)
+
+    def _event(self, kind: str, state: State, energy: float) -> Event:
+        speed = self._legs[0].end / self._legs[0].duration
+        return Event(kind, state.depth / speed, state.depth, state.tip, energy)
 
 
 FINAL = (Status.NOT_PUNCTURED, Status.NOT_CONVERGED, Status.LEFT_TISSUE)
@@ -144,15 +180,3 @@ def friction_of(scene: Scene) -> Friction:
     """Return the friction law of a scene's needle."""
     needle = scene.needle
     return Friction(needle.static_friction, needle.weakening_length, needle.stick_stiffness)
-
-
-def _event(kind: str, state: State, speed: float, energy: float) -> Event:
-    return Event(kind, state.depth / speed, state.depth, state.tip, energy)
-
-
-def _released(states: list[State]) -> float:
-    """Return the work of the tip's force beyond that of cutting along a snap."""
-    excess = np.array([state.tip_force - state.cutting_force for state in states])
-    tips = np.array([state.tip for state in states])
-    apart = np.linalg.norm(np.diff(tips, axis=0), axis=1)
-    return float(0.5 * (excess[1:] + excess[:-1]) @ apart)

@@ -6,7 +6,8 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints
 from needlefem.fem.model import Model
-from needlefem.insertion.result import Insertion, State
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import State
 from needlefem.needle.functionals import Piece
 
 

@@ -17,8 +17,9 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.fem.interpolation import Weights
-from needlefem.insertion.fields import loads
-from needlefem.insertion.result import Insertion, Ledger, State
+from needlefem.insertion.fields import displacements, loads
+from needlefem.insertion.result import Insertion, Ledger, Snap
+from needlefem.insertion.state import State
 
 
 def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
@@ -42,7 +43,7 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     ]
     work = float(sum(step.work for step in steps))
     on_tissue = 0.5 * np.einsum("ij,ij->j", force[:, 1:] + force[:, :-1], np.diff(moved, axis=1))
-    tip = [step.tip(trapezoidal) for step in steps]
+    tip = [step.tip(trapezoidal=trapezoidal) for step in steps]
     return Ledger(
         work=work,
         strain=float(energy[-1] - energy[0]),
@@ -53,6 +54,16 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
         capture=float(sum(step.capture() for step in steps)),
         identity=float(np.max(np.abs(np.diff(energy) - on_tissue)) / work) if work else 0.0,
     )
+
+
+def released(insertion: Insertion, snap: Snap) -> float:
+    """Return the energy that a snap of a march set free, J (J/m in 2D)."""
+    moved = displacements(insertion, range(snap.first, snap.last + 1))
+    steps = [
+        _Step(insertion, number, moved[:, number - snap.first : number - snap.first + 2])
+        for number in range(snap.first, snap.last)
+    ]
+    return float(sum(step.tip(trapezoidal=False)[1] for step in steps))
 
 
 def _hold(insertion: Insertion, state: State) -> float:
@@ -97,7 +108,7 @@ class _Step:
             total += 0.5 * float(self.new.lateral[number] @ gap)
         return total
 
-    def tip(self, trapezoidal: bool) -> tuple[float, float]:
+    def tip(self, *, trapezoidal: bool) -> tuple[float, float]:
         """Dissipation at the tip: of cutting, and of the excess force while it jumps."""
         gain = self._gradient_part() if trapezoidal else self._difference_part()
         ahead = float(self.insertion.axis.direction @ (self.new.tip - self.old.tip))

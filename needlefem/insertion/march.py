@@ -15,7 +15,8 @@ from needlefem.arrays import Floats, Vector
 from needlefem.fem.interpolation import OutsideError, Weights
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
-from needlefem.insertion.result import Insertion, Outcome, Snap, State, Status
+from needlefem.insertion.result import Insertion, Outcome, Snap, Status
+from needlefem.insertion.state import State
 from needlefem.insertion.step import NoEquilibriumError, Step, StepSolver
 from needlefem.needle.contact import Contact
 from needlefem.needle.instrument import Instrument

@@ -6,7 +6,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, Vector
 from needlefem.insertion.movingtissue import MovingTissue, Response
-from needlefem.insertion.result import State, Way
+from needlefem.insertion.state import State, Way
 from needlefem.needle.conforming import NodeChain
 from needlefem.needle.settle import Limits, Settled, settle
 from needlefem.needle.touch import Touch

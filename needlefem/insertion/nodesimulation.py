@@ -10,8 +10,9 @@ from needlefem.errors import SimulationError
 from needlefem.fem.model import Model
 from needlefem.fem.skin import Entry
 from needlefem.insertion.conforming import ConformingInsertion
-from needlefem.insertion.result import Insertion, Outcome, State, Status
+from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation, Stop, Watch
+from needlefem.insertion.state import State
 from needlefem.insertion.tissueintime import TissueInTime
 from needlefem.needle.conforming import NoNodeError
 from needlefem.scene import Scene
@@ -62,7 +63,7 @@ class NodeSimulation(Simulation):
 
     Attributes
     ----------
-    steps, waited : int
+    time_steps, waited : int
         Time steps of all insertions so far, and those in which a tip found no place to go.
 
     Raises
@@ -77,7 +78,7 @@ class NodeSimulation(Simulation):
     ) -> None:  # fmt: skip
         super().__init__(scene, model, watch)
         self.numbers = numbers or InTime()
-        self.steps = self.waited = 0
+        self.time_steps = self.waited = 0
 
     @cached_property
     def tissue(self) -> TissueInTime:
@@ -105,7 +106,7 @@ class NodeSimulation(Simulation):
                 self._watch(state)
             if stop is not None and stop(state):
                 break
-        self.steps += pushed.steps
+        self.time_steps += pushed.steps
         self.waited += pushed.waited
         return Insertion(
             scene=self.scene,

@@ -10,6 +10,8 @@ from needlefem.scene import Motion, Stage
 
 EVEN = 1e-9
 """Slack, in steps, with which a leg is cut into steps."""
+HALVINGS = 6
+"""Of the first step after the needle stopped or turned back, in which sticking gives way."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +32,12 @@ class Tick:
     depth: float
     duration: float
     release: str | None = None
+
+    def time_at(self, depth: float, start: tuple[float, float]) -> float:
+        """Return the time of a depth in an even motion from a time and a depth to this tick's."""
+        travel = self.depth - start[1]
+        share = (depth - start[1]) / travel if depth != self.depth and travel != 0.0 else 1.0
+        return start[0] + share * (self.time - start[0])
 
 
 def legs(motion: Motion) -> tuple[Leg, ...]:
@@ -102,6 +110,9 @@ def _table(motion: Motion) -> tuple[Leg, ...]:
 def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -> Iterator[Tick]:
     """Yield the steps of a motion, of equal duration within a leg.
 
+    Where nothing depends on time, the first step after the needle stopped or turned back grows
+    from a short one: sticking gives way there, over a travel that is short in stiff tissue.
+
     Parameters
     ----------
     motion : Motion
@@ -112,14 +123,22 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
     timeless : bool
         Nothing happens while the needle rests: a hold is one step.
     """
-    time = 0.0
-    for leg in legs(motion):
-        travel = leg.end - leg.start
+    time, stopped, parts = 0.0, False, legs(motion)
+    travels = [leg.end - leg.start for leg in parts]
+    for number, (leg, travel) in enumerate(zip(parts, travels, strict=True)):
         needed = max(leg.duration / time_step, abs(travel) / longest)
         count = 1 if timeless and travel == 0.0 else max(1, math.ceil(needed - EVEN))
-        for number in range(1, count + 1):
-            share, last = number / count, number == count
-            depth = leg.end if last else leg.start + share * travel
-            release = leg.release if last else None
-            yield Tick(time + share * leg.duration, depth, leg.duration / count, release)
+        shares = [n / count for n in range(1, count + 1)]
+        if timeless and stopped and travel != 0.0:
+            shares = [shares[0] * 0.5**n for n in range(HALVINGS, 0, -1)] + shares
+        begin = 0.0
+        for share in shares:
+            end = share == 1.0
+            depth = leg.end if end else leg.start + share * travel
+            duration = (share - begin) * leg.duration if timeless else leg.duration / count
+            release = leg.release if end else None
+            yield Tick(time + share * leg.duration, depth, duration, release)
+            begin = share
         time += leg.duration
+        following = travels[number + 1] if number + 1 < len(travels) else 0.0
+        stopped = travel * following <= 0.0

@@ -15,7 +15,8 @@ from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.course import Course
 from needlefem.insertion.media import ElasticMedium, ViscoelasticMedium, responses_of
-from needlefem.insertion.result import Insertion, State
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import State
 from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
@@ -58,6 +59,13 @@ class Simulation:
         self.insertions = 0
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
+
+    @property
+    def steps(self) -> bool:
+        """Whether the scene's motion needs time steps, beyond what a march can do."""
+        motion = self.scene.motion
+        marched = self.scene.discretisation.integrator == "march"
+        return not marched or bool(motion.stages or motion.times)
 
     @cached_property
     def responses(self) -> Responses:

@@ -1,43 +1,9 @@
 """The cut path of a needle in any motion: its pieces, and what each remembers of sliding."""
 
-import dataclasses
-
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.needle.instrument import Instrument
-
-
-@dataclasses.dataclass(frozen=True)
-class Friction:
-    """Friction limit over slip: static for what sticks, kinetic after some slip.
-
-    Parameters
-    ----------
-    ratio : float
-        Static over kinetic limit.
-    length : float, m
-        Slip over which it falls; 0: at the first slip, which no time step resolves.
-    stiffness : float, Pa (N/m^3 in 2D)
-        Of sticking, per length of path; 0: rigid.
-    """
-
-    ratio: float = 1.0
-    length: float = 0.0
-    stiffness: float = 0.0
-
-    @property
-    def weakens(self) -> bool:
-        """Whether the limit depends on slip."""
-        return self.ratio > 1.0
-
-    def limits(self, kinetic: Floats, slipped: Floats) -> Floats:
-        """Return the limits after some slip since sticking (m)."""
-        if not self.weakens:
-            return kinetic
-        left = 1.0 - slipped / self.length if self.length > 0.0 else 1.0 * (slipped <= 0.0)
-        found: Floats = kinetic * (1.0 + (self.ratio - 1.0) * np.clip(left, 0.0, 1.0))
-        return found
 
 
 class Track:
@@ -86,10 +52,10 @@ class Track:
         self.pull = np.append(self.pull, 0.0)
         self.slipped = np.append(self.slipped, np.inf)
 
-    def remember(self, pull: Floats, slip: Floats) -> None:
-        """Keep friction forces and what slipped in a step, of the pieces that the needle is in."""
+    def remember(self, pull: Floats, slipped: Floats) -> None:
+        """Keep friction forces, and slip since sticking, of the pieces that the needle is in."""
         count = len(pull)
         self.pull = np.zeros(len(self.pull))
         self.pull[:count] = pull
-        self.slipped[:count] = np.where(slip == 0.0, 0.0, self.slipped[:count] + np.abs(slip))
-        self.slipped[count:] = np.inf  # caught again it slides at once
+        self.slipped = np.full(len(self.slipped), np.inf)  # caught again it slides at once
+        self.slipped[:count] = slipped

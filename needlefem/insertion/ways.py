@@ -6,8 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from needlefem.insertion.contactstep import TOLERANCE, Solution, StepEquations
-from needlefem.insertion.result import Way
+from needlefem.insertion.equations import TOLERANCE, Solution, StepEquations
+from needlefem.insertion.growth import climb, cut_to
+from needlefem.insertion.state import State, Way
+from needlefem.insertion.tip import cut, draw, press
 
 FAR = 4.0
 """Advance over the needle's travel from which on a tip has run ahead."""
@@ -15,6 +17,8 @@ NEAR = 0.02
 """Advance over the spacing up to which it has not."""
 FINE = 1e-10
 """Part of a step to which the depth of a change is found."""
+SPRING, SHORTEST = 1e-6, 1e-10
+"""Part of a step, and length (m), to which the depth is found at which tissue springs off."""
 CLOSE = 1e-9
 """What changes at the step's end, to this part of the change, needs no cut of the step."""
 
@@ -58,67 +62,89 @@ def attempt(equations: StepEquations, way: Way, arc: float, depth: float) -> Mom
         drawn = _drawn(equations, arc, depth)
         if drawn is not None:
             return drawn
-    pressed = equations.press(depth)
+    pressed = press(equations, depth)
     if pressed.tip_force <= 0.0 and pressed.gap > TOLERANCE:
         drawn = _drawn(equations, equations.track.length, depth)
         if drawn is not None:
             return drawn
     if pressed.excess >= 0.0 and pressed.gap < -TOLERANCE:
         ahead = -pressed.gap
-        cut = equations.cut(depth, ahead)
+        found = cut(equations, depth, ahead)
         reach = max(abs(depth - equations.depth), ahead)
         limit = FAR * reach + NEAR * equations.instrument.spacing
         track = equations.track
-        if cut is not None and np.linalg.norm(cut.position.tip - track.front) > limit:
-            cut = None
-        return Moment(Way.CUTTING, track.length, depth, cut)
+        if found is not None and np.linalg.norm(found.position.tip - track.front) > limit:
+            found = None
+        return Moment(Way.CUTTING, track.length, depth, found)
     return Moment(Way.PRESSING, equations.track.length, depth, pressed)
 
 
 def _drawn(equations: StepEquations, arc: float, depth: float) -> Moment | None:
-    found = equations.draw(depth, arc)
+    found = draw(equations, depth, arc)
     if found is None:
         return None
     arc, solution = found
-    if solution.gap > TOLERANCE:
+    if solution.gap > TOLERANCE or arc <= TOLERANCE:
         return Moment(Way.OUT, 0.0, depth, None)
     return Moment(Way.WITHDRAWN, arc, depth, solution)
 
 
-def first_change(
-    equations: StepEquations, way: Way, tip_force: float, new: Moment
-) -> Moment | None:
+def first_change(equations: StepEquations, state: State, arc: float, new: Moment) -> Moment | None:
     """Return the moment at which the tip took the new way, if that is within the step.
 
     Parameters
     ----------
     equations : StepEquations
-    way : Way
+    state : State
         At the step's start.
-    tip_force : float, N (N/m in 2D)
-        At the step's start.
+    arc : float, m
+        Path length at which the tip was then.
     new : Moment
         At its end.
     """
     start, end, length = equations.depth, new.depth, equations.track.length
-    was_there, is_there = way in AT_FRONT, new.way in AT_FRONT
+    was_there, is_there = state.way in AT_FRONT, new.way in AT_FRONT
     depth = None
-    if was_there and not is_there and tip_force > 0.0:
+    if was_there and not is_there and state.tip_force > 0.0:
         depth = _root(lambda s: _held(equations, s).tip_force, start, end)
     elif was_there and new.way is Way.CUTTING:
-        if tip_force < (1.0 - CLOSE) * equations.front().cutting_force:
+        if state.tip_force < (1.0 - CLOSE) * equations.front().cutting_force:
             depth = _root(lambda s: _held(equations, s).excess, start, end)
     elif is_there and not was_there:
         depth = _root(lambda s: _loose(equations, length, s).gap, start, end)
         if depth is not None:
             return Moment(Way.PRESSING, length, depth, _loose(equations, length, depth))
-    elif Way.OUT in (way, new.way) and way is not new.way:
+    elif new.way is Way.OUT and state.way is not Way.OUT:
+        return _exit(equations, arc, new)
+    elif state.way is Way.OUT and new.way is not Way.OUT:
         depth = _root(lambda s: _loose(equations, 0.0, s).gap, start, end)
-        if depth is not None:
-            return Moment(Way.OUT, 0.0, depth, None)
+        return None if depth is None else Moment(Way.OUT, 0.0, depth, None)
     if depth is None:
         return None
     return Moment(Way.PRESSING, length, depth, _held(equations, depth))
+
+
+def _exit(equations: StepEquations, arc: float, new: Moment) -> Moment | None:
+    """Return the last moment of the tip in the tissue, or that of leaving it.
+
+    Tissue that friction drags out of its skin springs off the needle beyond the skin's place.
+    """
+    low, high, last = equations.depth, new.depth, None
+    skin = _root(lambda s: _loose(equations, 0.0, s).gap, low, high)
+    if skin is not None:
+        at_skin = _drawn(equations, arc, skin)
+        if at_skin is None or at_skin.way is Way.OUT:
+            return Moment(Way.OUT, 0.0, skin, None)
+        low, last = skin, at_skin
+    shortest = SPRING * abs(high - equations.depth)
+    while abs(high - low) > max(shortest, SHORTEST):
+        middle = 0.5 * (low + high)
+        found = _drawn(equations, arc, middle)
+        if found is None or found.way is Way.OUT:
+            high = middle
+        else:
+            low, last = middle, found
+    return last or Moment(Way.OUT, 0.0, high, None)
 
 
 def _held(equations: StepEquations, depth: float) -> Solution:
@@ -138,14 +164,21 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     return float(brentq(function, start, end, xtol=FINE * abs(end - start)))
 
 
-def last_smooth(equations: StepEquations, way: Way, arc: float, depth: float) -> Moment | None:
-    """Return the last moment of a step before its tip runs ahead, or None: it does at once."""
-    low, high, best = equations.depth, depth, None
-    for _ in range(12):
-        middle = 0.5 * (low + high)
-        found = attempt(equations, way, arc, middle)
-        if found.way is Way.CUTTING and found.solution is None:
-            high = middle
-        else:
-            low, best = middle, found
-    return best
+def within_piece(equations: StepEquations, new: Moment) -> Moment:
+    """Return the moment in the step at which the growing piece is whole, if there is one.
+
+    A tip that was not found where it should have cut to is looked for on the way there.
+    """
+    if new.way is not Way.CUTTING:
+        return new
+    track, spacing = equations.track, equations.instrument.spacing
+    if new.solution is None:
+        found = climb(equations, new.depth)
+    elif new.solution.position.length <= (1.0 + 1e-9) * spacing:
+        return new
+    else:
+        found = cut_to(equations, spacing, new.depth)
+    if found is None or not equations.depth < found.depth <= new.depth + TOLERANCE:
+        return new
+    there = abs(found.depth - new.depth) <= TOLERANCE
+    return Moment(Way.CUTTING, track.length, new.depth if there else found.depth, found)

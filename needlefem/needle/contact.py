@@ -6,37 +6,13 @@ these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Late
 the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
 """
 
-import dataclasses
-
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
-from needlefem.arrays import Floats, Ints
+from needlefem.arrays import Floats, Ints, enlarged
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.responses import Responses
-from needlefem.needle.functionals import Piece, Trial
-
-
-@dataclasses.dataclass(frozen=True)
-class Sliding:
-    """Axial displacement of the covered pieces when lateral forces follow.
-
-    Parameters
-    ----------
-    compliance : array, shape (covered, covered), m/N
-        Response to axial forces on them.
-    displacement : array, shape (covered,), m
-        Without axial forces.
-    half : array, shape (covered laterals, covered)
-        ``L^-1`` times the response of lateral to axial components.
-    held : array, shape (covered laterals,)
-        ``L^-1`` times what the lateral hold has to close without axial forces.
-    """
-
-    compliance: Floats
-    displacement: Floats
-    half: Floats
-    held: Floats
+from needlefem.needle.functionals import Piece, Sliding, Trial
 
 
 class Contact:
@@ -111,7 +87,7 @@ class Contact:
         """Compute the pieces' responses at nodes that were touched since."""
         size = self.responses.size
         if size > self._known_rows:
-            self._columns = _enlarged(self._columns, size, 0)
+            self._columns = enlarged(self._columns, size, 0)
             for number, (rows, loads) in enumerate(self._loads):
                 columns = slice(number * self.dim, (number + 1) * self.dim)
                 new = self.responses.respond(rows, loads).after(self._known_rows)
@@ -160,15 +136,15 @@ class Contact:
         mine = slice(which * dim, (which + 1) * dim)
         lateral = slice(which * dim + 1, (which + 1) * dim)
         size, laterals = (number + 1) * dim, (number + 1) * (dim - 1)
-        self._columns = _enlarged(self._columns, self._known_rows, size)
+        self._columns = enlarged(self._columns, self._known_rows, size)
         columns = trial.response.after(0)[: self._known_rows, mine]
         self._columns[: self._known_rows, size - dim : size] = columns
         self._loads.append((trial.rows, trial.loads[mine]))
-        self._w = _enlarged(self._w, size, size)
+        self._w = enlarged(self._w, size, size)
         self._w[size - dim : size, : size - dim] = trial.coupling[mine]
         self._w[: size - dim, size - dim : size] = trial.coupling[mine].T
         self._w[size - dim : size, size - dim : size] = trial.bare[mine, mine]
-        self._cholesky = _enlarged(self._cholesky, laterals, laterals)
+        self._cholesky = enlarged(self._cholesky, laterals, laterals)
         hold = trial.compliance[lateral, lateral] + compliance * np.eye(dim - 1)
         self._cholesky[laterals - dim + 1 : laterals, : laterals - dim + 1] = trial.half[
             :, lateral
@@ -187,6 +163,12 @@ class Contact:
         """Let the needle lie in the first `count` pieces."""
         self.covered = count
         self.balance()
+
+    def load(self, axial: Floats) -> None:
+        """Let the needle lie in as many pieces as there are friction forces on them."""
+        self.axial = np.zeros(len(self.pieces))
+        self.axial[: len(axial)] = axial
+        self.cover(len(axial))
 
     def balance(self) -> None:
         """Prepare the elimination of lateral forces for the present friction and background."""
@@ -266,16 +248,3 @@ class Contact:
         if self.background is not None:
             tried += (trial.weights.of(self.background) @ self.frame.T).ravel()
         return np.concatenate([pieces, tried]).reshape(-1, self.dim)
-
-
-def _enlarged(array: Floats, rows: int, columns: int) -> Floats:
-    """Return the array with at least as many rows and columns, doubling when it must grow."""
-    have = array.shape
-    if have[0] >= rows and have[1] >= columns:
-        return array
-    shape = tuple(
-        h if h >= n else max(2 * n, 64) for h, n in zip(have, (rows, columns), strict=True)
-    )
-    grown = np.zeros(shape)
-    grown[: have[0], : have[1]] = array
-    return grown

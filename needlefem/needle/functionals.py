@@ -65,3 +65,25 @@ class Trial:
     half: Floats
     compliance: Floats
     displacement: Floats
+
+
+@dataclasses.dataclass(frozen=True)
+class Sliding:
+    """Axial displacement of the covered pieces when lateral forces follow.
+
+    Parameters
+    ----------
+    compliance : array, shape (covered, covered), m/N
+        Response to axial forces on them.
+    displacement : array, shape (covered,), m
+        Without axial forces.
+    half : array, shape (covered laterals, covered)
+        ``L^-1`` times the response of lateral to axial components.
+    held : array, shape (covered laterals,)
+        ``L^-1`` times what the lateral hold has to close without axial forces.
+    """
+
+    compliance: Floats
+    displacement: Floats
+    half: Floats
+    held: Floats

@@ -11,9 +11,8 @@ import dataclasses
 import numpy as np
 
 from needlefem.arrays import Floats
-from needlefem.needle.boxed import minimise
-from needlefem.needle.contact import Contact, Sliding
-from needlefem.needle.functionals import Trial
+from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Sliding, Trial
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -83,30 +82,6 @@ class Shaft:
         compliance += back @ hold[:, :-1]
         return cls(trial, sliding, 0.5 * (compliance + compliance.T), free + back @ hold[:, -1],
                    hold, sideways)  # fmt: skip
-
-    def forces(
-        self, travel: Floats, low: Floats, high: Floats, start: Floats, slack: Floats
-    ) -> Floats:
-        """Return the axial forces for which whatever is within its bounds moves with the needle.
-
-        Parameters
-        ----------
-        travel : array, shape (n,), m
-            Displacement of each functional if it moved with the needle.
-        low, high : arrays, shape (n,), N
-            Limits; equal ones prescribe a force.
-        start : array, shape (n,), N
-            Guess.
-        slack : array, shape (n,), m/N
-            Compliance of sticking itself; none for a rigid one.
-        """
-        matrix = self.compliance + np.diag(slack) if slack.any() else self.compliance
-        return minimise(matrix, travel - self.free, low, high, start)
-
-    def moved(self, forces: Floats) -> Floats:
-        """Return the axial displacements, shape (n,), m."""
-        found: Floats = self.free + self.compliance @ forces
-        return found
 
     def lateral(self, forces: Floats) -> Floats:
         """Return the lateral force on the tip's piece, shape (dim - 1,), N (N/m in 2D)."""

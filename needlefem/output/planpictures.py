@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from needlefem.arrays import Bools, Floats, Vector
 from needlefem.insertion.path import Path as CutPath
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.output.canvas import Canvas, Style, Window
+from needlefem.output.canvas import Canvas, Style, Window, line_chart
 from needlefem.output.driver import renderer
 from needlefem.output.render import draw_tissue, save
 from needlefem.planning.planner import Planner
@@ -121,18 +120,6 @@ def _error(canvas: Canvas, column: _Column, scene: Scene) -> None:
     canvas.title(window, f"placement error {text}")
 
 
-def _chart(plotter: Any, title: str, x: str, y: str) -> Any:
-    chart = renderer().Chart2D()
-    chart.title = title
-    chart.x_label, chart.y_label = x, y
-    for axis in (chart.x_axis, chart.y_axis):
-        axis.label_size, axis.tick_label_size = 26, 22
-    chart.GetTitleProperties().SetFontSize(28)
-    chart.GetLegend().SetLabelSize(22)
-    plotter.add_chart(chart)
-    return chart
-
-
 def draw_depth(scene: Scene, plan: Plan, path: Path) -> Path:
     """Draw the error of a release at the target's height against its depth (Fig. 5).
 
@@ -149,7 +136,7 @@ def draw_depth(scene: Scene, plan: Plan, path: Path) -> Path:
     plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
     plotter.set_background(style.background)
     title = "Error of a release at the target's height"
-    chart = _chart(plotter, title, "insertion depth (cm)", "placement error (cm)")
+    chart = line_chart(plotter, title, "insertion depth (cm)", "placement error (cm)")
     chart.line(100.0 * depths, error, color=style.seed, width=2.0, label="any depth")
     inside = _inside_target_region(scene, plan.target, points)
     bold, at_rest = error[inside], "the seed rests in the target's region"
@@ -184,7 +171,7 @@ def draw_height(scene: Scene, plan: Plan, path: Path) -> Path:
     for number, quantity in enumerate(("best depth (cm)", "placement error (cm)"), start=1):
         plotter.subplot(number - 1, 0)
         values = table[:, number]
-        chart = _chart(plotter, "", "insertion height (cm)", quantity)
+        chart = line_chart(plotter, "", "insertion height (cm)", quantity)
         chart.line(table[:, 0], values, color=style.seed, width=3.0, label=quantity[:-5])
         chart.scatter([best[0]], [best[number]], color=style.target, size=16, label=label)
         room = 0.2 * float(np.ptp(values))  # for the legend

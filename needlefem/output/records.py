@@ -3,11 +3,15 @@
 import dataclasses
 from typing import Any
 
+import numpy as np
+
+from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.path import Reach
-from needlefem.insertion.result import Insertion, Ledger
+from needlefem.insertion.result import Insertion, Ledger, Seed
 from needlefem.planning.result import Evidence, Plan, Release
 from needlefem.planning.search import Solution
+from needlefem.scene.meshing import Coordinates
 
 
 def check_record(check: CheckResult) -> dict[str, Any]:
@@ -62,8 +66,8 @@ def search_record(name: str, solution: Solution) -> dict[str, Any]:
 
 
 def ledger_record(found: Ledger) -> dict[str, Any]:
-    """Return the terms of an energy ledger, J (J/m in 2D), and its residual."""
-    return dataclasses.asdict(found) | {"residual": found.residual}
+    """Return the terms of an energy ledger, J (J/m in 2D), and how well it closes."""
+    return dataclasses.asdict(found) | {"residual": found.residual, "given": found.given}
 
 
 def insertion_record(insertion: Insertion) -> dict[str, Any]:
@@ -78,17 +82,47 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
         "tip_force": [state.tip_force for state in states],
         "shaft_force": [float(state.axial.sum()) for state in states],
         "jumping": [state.jumping for state in states],
+        "time": [state.time for state in states],
+        "tip": [state.way for state in states],
+        "sticking": [
+            None if state.slipping is None else int(np.count_nonzero(state.slipping[1:] == 0))
+            for state in states
+        ],
+        "events": [dataclasses.asdict(event) for event in insertion.events],
         "snaps": [dataclasses.asdict(snap) for snap in insertion.snaps],
         "evaluations": insertion.evaluations,
     }
 
 
-def seed_record(insertion: Insertion, reach: Reach, error: float | None) -> dict[str, Any]:
+def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
     """Return a seed: where the tip let it go, where it rests, and its distance to the target."""
     cut = insertion.puncture_depth is not None and reach.depth >= insertion.puncture_depth
     return {
+        "name": "",
         "released_at": insertion.axis.tip(reach.depth),
         "placed_at": reach.point,
-        "placement_error": error,
+        "shortcut": reach.point,
+        "now_at": None,
+        "from_rest": None,
+        "placement_error": _error(reach.point, insertion.scene.target),
         "status": "placed" if cut else "not_punctured",
     }
+
+
+def released_record(seed: Seed, place: Vector, target: Coordinates | None) -> dict[str, Any]:
+    """Return a seed that a motion released; `place` is where it is when the motion ends."""
+    return {
+        "name": seed.name,
+        "time": seed.time,
+        "released_at": seed.released_at,
+        "placed_at": seed.point,
+        "shortcut": seed.shortcut,
+        "now_at": place,
+        "from_rest": float(np.linalg.norm(place - seed.point)),
+        "placement_error": _error(seed.point, target),
+        "status": "placed" if seed.inside else "not_punctured",
+    }
+
+
+def _error(point: Vector, target: Coordinates | None) -> float | None:
+    return None if target is None else float(np.linalg.norm(point - np.array(target)))

@@ -112,7 +112,7 @@ def paper_plan(
         name=name,
         plan=dataclasses.replace(found, evidence=evidence),
         seconds=model - begin + end - ready,
-        steps=simulation.steps,
+        steps=simulation.time_steps,
     )
 
 
@@ -137,8 +137,8 @@ def _warnings(simulation: NodeSimulation) -> list[str]:
         found.append("forces act on nodes: the answer drifts with every refinement")
     if simulation.waited:
         found.append(
-            f"in {simulation.waited} of {simulation.steps} steps the tip held for want of a node "
-            "that could follow it"
+            f"in {simulation.waited} of {simulation.time_steps} steps the tip held for want of a "
+            "node that could follow it"
         )
     return found
 

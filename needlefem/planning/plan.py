@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from needlefem.arrays import Vector
-from needlefem.checks.needle import needle_resolution
+from needlefem.checks.needle import needle_resolution, sticking_pieces
 from needlefem.checks.result import CheckResult
 from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError, CheckFailedError
@@ -70,7 +70,9 @@ def plan(
 
 def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
     """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
-    checks = (*preflight(simulation.model), needle_resolution(simulation))
+    checks = [*preflight(simulation.model), needle_resolution(simulation)]
+    if simulation.steps:
+        checks.append(sticking_pieces(simulation))
     failed = [check for check in checks if not check.passed]
     if failed:
         worst = failed[0]
@@ -78,7 +80,7 @@ def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
             f"refused: check '{worst.name}' gives {worst.value:.3g}, at most {worst.bound:.3g} "
             f"is allowed ({worst.requirement}); repair the mesh or choose another element"
         )
-    return checks
+    return tuple(checks)
 
 
 def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ...]) -> Evidence:

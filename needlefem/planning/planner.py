@@ -5,8 +5,9 @@ import numpy as np
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import CaseError
 from needlefem.insertion.path import Path, Reach
-from needlefem.insertion.result import Insertion, State
+from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import State
 from needlefem.planning.result import Plan, PlanStatus, Release
 from needlefem.planning.search import (
     Found,

@@ -186,7 +186,13 @@ def test_modes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_integrators_are_qualified_by_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", "--integrator", "hht", "--set", "alpha=-0.2", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)[0]["passed"]
+    record = json.loads(capsys.readouterr().out)[0]
+    assert record["passed"]
+    assert record["measured"]["spectral radius at w dt = 1000"] == pytest.approx(2 / 3, abs=1e-4)
+    assert main(["verify", "--integrator", "all"]) == 0
+    assert "stability limit of w dt" in capsys.readouterr().out
+    assert main(["verify", "--integrator", "quasi-static"]) == 2
+    assert "quasi-static steps move no mass" in capsys.readouterr().err
     assert main(["verify", "--integrator", "hht", "--set", "alpa=-0.2"]) == 2
     assert "did you mean 'alpha'" in capsys.readouterr().err
 

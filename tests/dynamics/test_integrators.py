@@ -1,6 +1,9 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
+from needlefem.checks.integration import Oscillator, spectral_radius, stability_limit
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import (
     HHT,
@@ -8,14 +11,16 @@ from needlefem.dynamics import (
     Damping,
     EnergyLedger,
     GeneralizedAlpha,
+    Integrator,
     MatrixSystem,
     Newmark,
     QuasiStatic,
     TissueSystem,
+    at_rest,
     critical_step,
     integrator_class,
 )
-from needlefem.dynamics.histories import constant, iterate, last, ramp, table, together
+from needlefem.dynamics.histories import constant, iterate, last, ramp, switched, table, together
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic
@@ -47,10 +52,21 @@ def test_a_step_above_the_limit_is_refused_and_named() -> None:
         CentralDifference().stepper(system, 1.01)
 
 
-def test_damping_and_branches_lower_the_limit() -> None:
-    model = rectangle(CATALOGUE["P1"], GEL, 4)
-    free = critical_step(TissueSystem(model))
-    assert critical_step(TissueSystem(model, Damping(stiffness_time=0.1))) < free
+@pytest.mark.parametrize("ratio", [0.0, 0.1, 1.0, 3.0])
+def test_the_limit_is_the_same_with_damping(ratio: float) -> None:
+    explicit = CentralDifference(refuse_unstable=False)
+    assert critical_step(Oscillator(ratio)) == pytest.approx(2.0)
+    assert spectral_radius(explicit, 1.999, ratio) <= 1.0 + 1e-12
+    assert spectral_radius(explicit, 2.001, ratio) > 1.0 + 1e-4
+
+
+def test_measured_stability_limits() -> None:
+    assert stability_limit(CentralDifference()) == pytest.approx(2.0, abs=1e-5)
+    assert stability_limit(CentralDifference(refuse_unstable=False)) == pytest.approx(2.0, abs=1e-5)
+    assert stability_limit(Newmark()) == np.inf
+
+
+def test_branches_lower_the_limit() -> None:
     one, branched = MatrixSystem(ONE, ONE), MatrixSystem(ONE, ONE, branches=[(1.0, 3.0 * ONE)])
     assert critical_step(branched) == pytest.approx(0.5 * critical_step(one))
 
@@ -97,6 +113,9 @@ def test_loads_in_time() -> None:
     force = np.array([2.0])
     assert ramp(force, 4.0)(1.0) == pytest.approx(0.5)
     assert ramp(force, 4.0)(9.0) == pytest.approx(2.0)
+    pulse = switched(force, 1.0, 2.0)
+    assert [pulse(time)[0] for time in (0.9, 1.0, 1.9, 2.0)] == [0.0, 2.0, 2.0, 0.0]
+    assert switched(force, 1.0)(1e9) == pytest.approx(2.0)
     steps = table(np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0, 0.0]), force)
     assert steps(2.0) == pytest.approx(1.0)
     assert together(steps, constant(force))(2.0) == pytest.approx(3.0)
@@ -113,6 +132,26 @@ def test_slow_motion_is_quasi_static() -> None:
         stepper = integrator.stepper(system, 5.0)
         ends.append(last(iterate(stepper, stepper.start(rest, rest), slow, 500)).u)
     assert ends[0] == pytest.approx(ends[1], abs=1e-6 * np.abs(ends[1]).max())
+
+
+@pytest.mark.parametrize("integrator", [
+    Newmark(), HHT(), GeneralizedAlpha(), CentralDifference(), QuasiStatic(),
+])  # fmt: skip
+def test_steps_factorise_nothing(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
+    system = TissueSystem(rectangle(CATALOGUE["P2"], GEL, 3), Damping(stiffness_time=0.1))
+    counted: list[int] = []
+    real = type(system).factor
+
+    def counting(self: TissueSystem, *shares: Any) -> Any:
+        counted.append(1)
+        return real(self, *shares)
+
+    monkeypatch.setattr(TissueSystem, "factor", counting)
+    stepper = integrator.stepper(system, 1e-3)
+    assert len(counted) == 1
+    force = np.ones(system.size)
+    last(iterate(stepper, at_rest(system), constant(force), 50))
+    assert len(counted) == 1
 
 
 def test_ledger_of_a_damped_fall_into_rest() -> None:

@@ -9,8 +9,9 @@ from needlefem.fem.movable import MovableMesh
 from needlefem.insertion.conforming import ConformingInsertion
 from needlefem.insertion.movingtissue import MovingTissue
 from needlefem.insertion.path import Path as CutPath
-from needlefem.insertion.result import Status, Way
+from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import Way
 from needlefem.insertion.tissueintime import TissueInTime
 from needlefem.needle.conforming import LEAST_AREA
 from needlefem.scene import Scene, vary

@@ -1,4 +1,5 @@
 import json
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,11 +8,18 @@ import pytest
 import pyvista as pv
 
 from needlefem.checks.models import rectangle
-from needlefem.dynamics import Motion, Newmark, TissueSystem
-from needlefem.dynamics.histories import constant, iterate
+from needlefem.dynamics import (
+    CentralDifference,
+    Integrator,
+    Motion,
+    Newmark,
+    QuasiStatic,
+    TissueSystem,
+)
+from needlefem.dynamics.histories import constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.errors import SimulationError
-from needlefem.materials import Isotropic
+from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.output.series import Recording, recorded
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
@@ -77,3 +85,31 @@ def test_stopping_early_keeps_what_there_is(tmp_path: Path) -> None:
         if number == 7:
             break
     assert json.loads((tmp_path / "motion.json").read_text())["steps"] == 7
+
+
+@pytest.mark.parametrize("integrator", [Newmark(), CentralDifference(), QuasiStatic()])
+def test_memory_does_not_grow_with_the_steps(integrator: Integrator, tmp_path: Path) -> None:
+    law = Viscoelastic(
+        youngs_modulus=1.0, poissons_ratio=0.3, density=1.0, shares=(0.4,), times=(2.0,)
+    )
+    system = TissueSystem(rectangle(CATALOGUE["P1"], law, 6))
+    stepper = integrator.stepper(system, 0.01)
+    force = system.traction("y_max", lambda points: np.tile([0.01, 0.0], (len(points), 1)))
+
+    def most(count: int) -> int:
+        """Return the largest memory in use during a recorded run, bytes."""
+        keep = Recording(
+            folder=tmp_path, points={"corner": CORNER}, energies=True, every=count // 2
+        )
+        rest = np.zeros(system.size)
+        tracemalloc.start()
+        last(recorded(iterate(stepper, stepper.start(rest, rest), constant(force), count),
+                      stepper, keep))  # fmt: skip
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    most(10)  # what is imported and kept once
+    short, long = most(100), most(3000)
+    one_motion = 4 * 8 * system.size
+    assert long < short + 2 * one_motion

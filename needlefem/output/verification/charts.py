@@ -15,11 +15,12 @@ WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 560.0, 340.0, 64.0, 172.0, 30.0, 44.0
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """A named line of positive numbers."""
+    """A named line of positive numbers; `ringed` are the places of points that stand out."""
 
     name: str
     x: Sequence[float]
     y: Sequence[float]
+    ringed: Sequence[int] = ()
 
 
 class _Axis:
@@ -96,6 +97,9 @@ def _line(number: int, line: Line, across: _Axis, up: _Axis) -> list[str]:
     stroke = f'fill="none" stroke="{colour}" stroke-width="1.8" stroke-dasharray="{dash}"'
     parts = [f'<polyline points="{path}" {stroke}/>']
     parts += [_marker(number, x, y, colour) for x, y in points]
+    ring = f'r="6.4" fill="none" stroke="{colour}" stroke-width="1.4"'
+    parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" {ring}/>'
+              for x, y in (points[place] for place in line.ringed)]  # fmt: skip
     at = TOP + 8.0 + 17.0 * number
     x = WIDTH - RIGHT + 14.0
     parts.append(f'<path d="M{x:g} {at:g}h22" {stroke}/>')

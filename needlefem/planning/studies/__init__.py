@@ -12,16 +12,19 @@ Study = Callable[[Scene, "Scene | None"], list[Table]]
 
 STUDIES = {
     "convergence": "the plan under refinement along the path, for the disc and for a point tip",
+    "cycles": "ten thousand times in and out: what drifts, what memory grows",
     "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
     "elements": "the plan on every element of the catalogue, and on elements half as large",
     "energy": "the energy ledger by two formulas, over path spacings",
     "extremes": "every element under incompressibility, contrast, slivers, needles on mesh lines",
+    "friction": "the force to move on after a rest, as steps get shorter, when friction weakens",
     "independence": "the plan against mesh, path spacing, lateral hold and kernel quadrature",
     "paper": "the paper's own method beside ours: placement, drift, noise, time",
     "robust": "the plan carried out on another case, and with other parameters",
     "smoothness": "noise of the map from height to miss and depth",
     "stability": "extreme parameters and meshes, each with a status",
     "targets": "random targets, planned by root and by golden section",
+    "trains": "seeds laid on the way back: simulated, and by the shortcut for the first",
 }
 
 

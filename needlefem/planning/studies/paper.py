@@ -177,7 +177,7 @@ def _times(scene: Scene) -> Table:
         }.items():
             simulation = Simulation(finer) if numbers is None else NodeSimulation(finer, numbers)
             first, second = _insert(simulation), _insert(simulation)
-            steps = simulation.steps // 2 if isinstance(simulation, NodeSimulation) else "none"
+            steps = simulation.time_steps // 2 if isinstance(simulation, NodeSimulation) else "none"
             unknowns = len(simulation.model.free_dofs)
             rows.append([unknowns, name, steps, first, second])
     return Table(

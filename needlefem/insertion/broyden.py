@@ -1,0 +1,48 @@
+"""Broyden's method for the place of the tip."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.insertion.equations import TOLERANCE, Solution
+
+STALLED = 1e-15
+"""Change of the unknowns below which iterating is in vain, m."""
+FLAT = 1e-8
+"""Determinant of the errors' derivatives that is none."""
+MOST_ITERATIONS = 60
+
+Evaluate = Callable[[Floats], tuple[Solution, Floats]]
+Limit = Callable[[Floats, Floats], Floats]
+
+
+def broyden(evaluate: Evaluate, unknown: Floats, jacobian: Floats, limit: Limit) -> Solution | None:
+    """Return the solution without an error (C. G. Broyden 1965), or None: not found.
+
+    Parameters
+    ----------
+    evaluate : callable
+        Takes unknowns, shape (n,), m; returns solution and errors, shape (n,), m.
+    unknown : array, shape (n,), m
+        Guess.
+    jacobian : array, shape (n, n)
+        Of the errors, about.
+    limit : callable
+        Takes unknowns and their change; returns the change that is allowed.
+    """
+    jacobian, (solution, error) = jacobian.copy(), evaluate(unknown)
+    for _ in range(MOST_ITERATIONS):
+        if np.max(np.abs(error)) <= TOLERANCE:
+            return solution
+        if abs(np.linalg.det(jacobian)) < FLAT:
+            return None
+        newton: Floats = -np.linalg.solve(jacobian, error).astype(float)
+        change = limit(unknown, newton)
+        if np.linalg.norm(change) < STALLED:
+            return None
+        solution, reached = evaluate(unknown + change)
+        wrong = reached - error - jacobian @ change
+        jacobian += np.outer(wrong, change) / (change @ change)
+        unknown, error = unknown + change, reached
+    return None

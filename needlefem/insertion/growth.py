@@ -1,0 +1,178 @@
+"""A cut path that grows by lengths, not depths: also where the tip runs ahead."""
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from needlefem.arrays import Floats
+from needlefem.errors import SimulationError
+from needlefem.insertion.broyden import broyden
+from needlefem.insertion.equations import Solution, StepEquations
+
+PEAK = 1e-3
+"""Part of a piece to which the path's largest depth is found."""
+LEAST = 0.01
+"""Part of a piece that a tip which runs ahead goes at least before it is looked at."""
+GAIN = 1e-9
+"""Depth to be gained on the way to the largest that is worth a step, m."""
+
+
+def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | None:
+    """Return the forces with a tip that has cut on until its piece has a length, or None.
+
+    The depth is what it takes.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    length : float, m
+        Of the growing piece.
+    depth : float, m
+        Guess.
+    """
+    begin = _sideways(equations, length)
+
+    def evaluate(unknown: Floats) -> tuple[Solution, Floats]:
+        tip = _ahead(equations, length, unknown[1:])
+        position = equations.at_point(tip, equations.track.count)
+        force = position.cutting_force
+        solution = equations.solve(position, depth + unknown[0], force, force)
+        return solution, np.append(solution.gap, solution.beside)
+
+    def near(unknown: Floats, change: Floats) -> Floats:
+        return np.append(change[:1], _within(unknown[1:], change[1:], length))
+
+    jacobian = np.diag([-1.0, *np.ones(len(begin))])
+    return broyden(evaluate, np.append(0.0, begin), jacobian, near)
+
+
+def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution:
+    """Return the forces, whatever the tip's is, with a tip that ran ahead at a depth.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    length : float, m
+        Of the growing piece.
+    depth : float, m
+    """
+    begin = _sideways(equations, length)
+
+    def evaluate(sideways: Floats) -> tuple[Solution, Floats]:
+        position = equations.at_point(_ahead(equations, length, sideways), equations.track.count)
+        solution = equations.solve(position, depth, -np.inf, np.inf)
+        return solution, solution.beside
+
+    def near(sideways: Floats, change: Floats) -> Floats:
+        return _within(sideways, change, length)
+
+    found = broyden(evaluate, begin, np.eye(len(begin)), near)
+    if found is None:
+        front = equations.track.front
+        raise SimulationError(f"no equilibrium found up to {length:.3g} m ahead of {front} m")
+    return found
+
+
+def land(equations: StepEquations, high: float, depth: float) -> Solution:
+    """Return where a tip that ran ahead stops: its force is back at that of cutting.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    high : float, m
+        Length of the growing piece at which the force is below.
+    depth : float, m
+    """
+    track = equations.track
+    low = track.length - track.arcs[-1]
+    low += PEAK * (high - low)
+    if run_ahead(equations, low, depth).excess <= 0.0:
+        return run_ahead(equations, low, depth)
+    length = brentq(lambda x: run_ahead(equations, x, depth).excess, low, high, xtol=1e-12 * high)
+    return run_ahead(equations, float(length), depth)
+
+
+def goal(equations: StepEquations) -> float:
+    """Return the length to which the growing piece grows, m: whole, and not all but reached."""
+    spacing, track = equations.instrument.spacing, equations.track
+    return max(spacing, track.length - track.arcs[-1] + LEAST * spacing)
+
+
+def climb(equations: StepEquations, depth: float) -> Solution | None:
+    """Return the forces with a tip that has cut on, up to a depth or until its piece is whole.
+
+    The path's length is the unknown's place in which all is smooth, also where the tip all but
+    runs ahead.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    depth : float, m
+        Largest depth.
+
+    Returns
+    -------
+    Solution, or None: the tip runs ahead at once.
+    """
+    start, track = equations.depth, equations.track
+    low, high = track.length - track.arcs[-1], goal(equations)
+    step = cut_to(equations, high, depth)
+    if step is None or step.depth <= start + GAIN:
+        step = _peak(equations, low, high, depth)
+        if step is None or step.depth <= start + GAIN:
+            return None
+        high = step.position.length
+    if step.depth <= depth:
+        return step
+
+    def beyond(length: float) -> float:
+        if length == low:
+            return start - depth
+        found = cut_to(equations, length, depth)
+        if found is None:
+            raise SimulationError(f"no equilibrium found {length - low:.3g} m ahead of the tip")
+        return found.depth - depth
+
+    return cut_to(equations, float(brentq(beyond, low, high, xtol=1e-12 * high)), depth)
+
+
+def _peak(equations: StepEquations, low: float, high: float, depth: float) -> Solution | None:
+    """Return the solution at the largest depth within lengths of the growing piece."""
+    found: list[Solution] = []
+
+    def below(length: float) -> float:
+        step = cut_to(equations, length, depth)
+        if step is None:
+            return high - equations.depth
+        found.append(step)
+        return -step.depth
+
+    options = {"xatol": PEAK * (high - low)}
+    minimize_scalar(below, bounds=(low, high), method="bounded", options=options)
+    return max(found, key=lambda step: step.depth, default=None)
+
+
+def _sideways(equations: StepEquations, length: float) -> Floats:
+    """Return where across the axis a tip at a length is expected, from the piece's vertex."""
+    track = equations.track
+    grown = track.front - track.vertices[-1]
+    size = float(np.linalg.norm(grown))
+    lean = equations.instrument.axis.laterals @ grown
+    found: Floats = lean * (length / size) if size > 0.0 else lean
+    return found
+
+
+def _ahead(equations: StepEquations, length: float, sideways: Floats) -> Floats:
+    """Return the point at a distance from the growing piece's vertex."""
+    axis = equations.instrument.axis
+    forward = np.sqrt(np.maximum(length**2 - sideways @ sideways, 0.0))
+    found: Floats = (
+        equations.track.vertices[-1] + forward * axis.direction + sideways @ axis.laterals
+    )
+    return found
+
+
+def _within(sideways: Floats, change: Floats, length: float) -> Floats:
+    """Keep the tip's advance shorter than it is sideways."""
+    wanted = sideways + change
+    size = float(np.linalg.norm(wanted))
+    return wanted * min(1.0, 0.9 * length / size) - sideways if size > 0.0 else change

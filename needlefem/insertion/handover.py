@@ -1,0 +1,44 @@
+"""From a march to stepping: the same path, forces and displacement, seen by the other."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem.insertion.march import March
+from needlefem.insertion.state import State
+from needlefem.insertion.stepfield import StepField
+from needlefem.insertion.track import Track
+
+
+def hand_over(march: March, track: Track, speed: float) -> tuple[State, StepField]:
+    """Return the last state of a march and its field; its path becomes the track's.
+
+    Parameters
+    ----------
+    march : March
+        Has cut the skin.
+    track : Track
+        Empty.
+    speed : float, m/s
+        Of the needle on the march.
+    """
+    contact, state = march.contact, march.states[-1]
+    limits = contact.axial
+    for number, later in enumerate(march.states[2:], 1):
+        track.front = later.tip
+        track.extend(float(limits[number]))
+    track.pull[: len(limits)] = limits
+    here = track.instrument.tip(state.tip)
+    trial = contact.try_functionals(here)
+    path = np.column_stack([state.axial, state.lateral]).ravel()
+    field = StepField(contact, path, trial, np.append(state.tip_force, state.tip_lateral))
+    now = dataclasses.replace(
+        state,
+        time=state.depth / speed,
+        covered=track.length,
+        slipping=np.ones(len(limits), dtype=int),
+        tip_moved=float(field.means(here)[0, 0]),
+        tip_nodes=here.nodes,
+        tip_weights=here.rows[0],
+    )
+    return now, field

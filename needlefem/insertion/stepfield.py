@@ -1,0 +1,46 @@
+"""The tissue's displacement at one moment of a motion, found where it is asked for."""
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.fem.interpolation import Weights
+from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Trial
+
+
+class Rest:
+    """No displacement; see `Field`."""
+
+    def __init__(self, dim: int) -> None:
+        self._dim = dim
+
+    def means(self, weights: Weights) -> Floats:
+        """See `Field`."""
+        return np.zeros((len(weights.rows), self._dim))
+
+
+class StepField:
+    """Displacement under the needle's forces of one moment; see `Field`.
+
+    Parameters
+    ----------
+    contact : Contact
+    path : array, shape (n,), N (N/m in 2D)
+        Forces on the first pieces, needle's frame, piece-major.
+    trial : Trial, optional
+        Functionals on which there are forces as well.
+    forces : array, shape (rows,), N (N/m in 2D)
+        Forces on them.
+    """
+
+    def __init__(self, contact: Contact, path: Floats, trial: Trial | None, forces: Floats) -> None:
+        self._contact, self._path, self._trial, self._forces = contact, path, trial, forces
+        self._background = contact.background
+
+    def means(self, weights: Weights) -> Floats:
+        """See `Field`."""
+        moved = self._contact.field_at(weights.nodes, self._path, self._trial, self._forces)
+        if self._background is not None:
+            moved = moved + self._background[weights.nodes]
+        found: Floats = weights.rows @ moved @ self._contact.frame.T
+        return found
