@@ -65,6 +65,7 @@ unit: install
 studies: install
 	$(BIN)/needlefem study targets $(PAPER)
 	$(BIN)/needlefem study robust $(PAPER) --on $(RESOLVED)
+	$(BIN)/needlefem study paper $(PAPER) --on $(RESOLVED)
 	$(BIN)/needlefem study dynamics $(PAPER)
 	$(BIN)/needlefem study energy $(PAPER)
 	$(BIN)/needlefem study energy $(RESOLVED)

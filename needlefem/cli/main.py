@@ -85,6 +85,10 @@ def _plan(parser: argparse.ArgumentParser) -> None:
     _output(parser)
     parser.add_argument("--search", choices=("root", "golden", "grid"), help="how to search")
     parser.add_argument(
+        "--method", choices=("own", "paper"), default="own",
+        help="'paper': nodes moved along by the needle, in time, golden section; beside ours",
+    )  # fmt: skip
+    parser.add_argument(
         "--all-solutions", action="store_true", help="look for further heights that hit the target"
     )
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
+from needlefem.cli import planpaper
 from needlefem.cli.common import centimetres, progress, say, say_json, warn
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
@@ -16,6 +17,8 @@ from needlefem.scene import Scene
 
 def main(options: argparse.Namespace) -> int:
     """Plan, print, write; return the exit status."""
+    if options.method == "paper":
+        return planpaper.main(options)
     scene = load_case(options.case, options.overrides)
     with progress("planning") as watch:
         found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)

@@ -80,6 +80,8 @@ def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
     """Return where between two nodes the interpolating cubic takes a value (bracketed secant)."""
     low, high = float(nodes[first]), float(nodes[first + 1])
     f_low, f_high = float(values[first] - sought), float(values[first + 1] - sought)
+    if f_high == 0.0:  # exactly at a state
+        return high
     at = low
     for _ in range(60):
         at = low - f_low * (high - low) / (f_high - f_low) if f_high != f_low else low

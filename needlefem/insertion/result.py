@@ -25,6 +25,7 @@ class Status(StrEnum):
     RESTICK = "restick"
     NOT_CONVERGED = "not_converged"
     LEFT_TISSUE = "left_tissue"
+    NO_NODE = "no_node"
 
 
 @dataclasses.dataclass(frozen=True)

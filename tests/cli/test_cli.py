@@ -195,3 +195,23 @@ def test_integrators_are_qualified_by_name(capsys: pytest.CaptureFixture[str]) -
     assert "quasi-static steps move no mass" in capsys.readouterr().err
     assert main(["verify", "--integrator", "hht", "--set", "alpa=-0.2"]) == 2
     assert "did you mean 'alpha'" in capsys.readouterr().err
+
+
+def test_the_papers_method_is_beside_ours(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    quick = ["--set", "mesh.divisions=[13, 13]", "--set", "motion.speed=1.5 cm/s",
+             "--set", "target.point=[\"1.5 cm\", \"1.2 cm\"]"]  # fmt: skip
+    arguments = ["plan", CASE, "--method", "paper", *quick]
+    status, out, err = run(capsys, *arguments, "--json", "--out", str(tmp_path))
+    record = json.loads(out)
+    assert (status, err) == (0, "")
+    assert record["method"] == "paper"
+    assert record["search"]["method"] == "golden"
+    assert record["ours"]["search"]["method"] == "root"
+    assert record["steps"] > 0
+    assert record["seconds"] > record["ours"]["seconds"] > 0.0
+    assert [row["refined"] for row in record["drift"]] == [1, 2]
+    assert json.loads((tmp_path / "plan.json").read_text()) == record
+    assert main([*arguments, "--search", "root"]) == 2
+    assert "the paper's method is golden section" in capsys.readouterr().err

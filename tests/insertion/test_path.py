@@ -34,3 +34,11 @@ def test_inversion() -> None:
 def test_two_states_are_joined_by_a_line() -> None:
     piece = Piece(np.array([0.0, 1.0]), np.array([2.0, 4.0]), np.array([[0.0, 0.0], [0.0, 1.0]]))
     assert piece.at(0.25).depth == pytest.approx(2.5)
+
+
+def test_inversion_exactly_at_a_state() -> None:
+    piece = curve()
+    for number in range(len(piece.length)):
+        length = piece.solve(piece.depth, float(piece.depth[number]))
+        if number:
+            assert length == pytest.approx(piece.length[number], abs=1e-13)

@@ -19,6 +19,7 @@ STUDIES = {
     "extremes": "every element under incompressibility, contrast, slivers, needles on mesh lines",
     "friction": "the force to move on after a rest, as steps get shorter, when friction weakens",
     "independence": "the plan against mesh, path spacing, lateral hold and kernel quadrature",
+    "paper": "the paper's own method beside ours: placement, drift, noise, time",
     "robust": "the plan carried out on another case, and with other parameters",
     "smoothness": "noise of the map from height to miss and depth",
     "stability": "extreme parameters and meshes, each with a status",
