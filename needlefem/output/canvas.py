@@ -1,47 +1,31 @@
-"""Drawing a 2D scene with PyVista: tissue, needle, seed, target, scale.
+"""Drawing a scene with PyVista: tissue, needle, seeds, target, paths.
 
-The needle comes from the right, as in the paper: depth runs to the left, height upward.
+The needle comes from the right, as in the paper: depth runs to the left, height upward. What is
+drawn can be moved afterwards; a picture after the first costs no new objects.
 """
 
-import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points, SkfemMesh, Vector
+from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.fem.mesh import BACKGROUND
 from needlefem.needle.axis import Axis
 from needlefem.output.driver import renderer
+from needlefem.output.style import Style
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Style:
-    """How everything looks; colours are safe for the colour-blind (Okabe and Ito)."""
-
-    background: str = "white"
-    tissue: tuple[str, ...] = ("#f4e7c5", "#e3b5a4", "#c9d5e8", "#cfe3cf")
-    mesh: str = "#8a7f6a"
-    outline: str = "#5b3a29"
-    needle: str = "#20262e"
-    seed: str = "#0072B2"
-    target: str = "#D55E00"
-    text: str = "#202020"
-    mesh_width: float = 0.6
-    outline_width: float = 3.0
-    font_size: int = 22
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Window:
-    """A part of the plane: centre (2,), m, width and height, m, in screen coordinates."""
-
-    centre: Floats
-    width: float
-    height: float
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+LAYER = 1e-3
+"""Distance of one layer from the next, m: higher ones cover lower ones."""
+SKIN_LAYER = 2
 
 
 class Canvas:
-    """One panel of a picture in screen coordinates: right is against the needle, up is lateral.
+    """Screen coordinates of one panel: right is against the needle, up is lateral.
+
+    Of tissue in space the half behind the needle's line is shown, and all else lies in the plane
+    that cuts it open.
 
     Parameters
     ----------
@@ -57,144 +41,147 @@ class Canvas:
         self._pv = renderer()
 
     def screen(self, points: Points, layer: float = 0.0) -> Floats:
-        """Return screen coordinates (n, 3), m; higher layers cover lower ones."""
+        """Return screen coordinates of points, shape (n, dim), as (n, 3), m."""
         points = np.atleast_2d(points)
-        directions = np.stack([-self.axis.direction, self.axis.laterals[0]], axis=1)
-        return np.column_stack([points @ directions, np.full(len(points), 1e-3 * layer)])
+        across = np.stack([-self.axis.direction, self.axis.laterals[0]], axis=1)
+        height = np.full(len(points), LAYER * layer)
+        if points.shape[1] == 3:
+            height = height + self.axis.offset(points)[:, 1]
+        return np.column_stack([points @ across, height])
 
-    def tissue(self, mesh: SkfemMesh, moved: Points | None = None) -> None:
-        """Draw the mesh by region, moved by a displacement of its vertices, shape (n, 2), m."""
-        points = mesh.p.T if moved is None else mesh.p.T + moved
-        at = self.screen(points)
+    def plane(self, points: Points, layer: float) -> Floats:
+        """Return screen coordinates in the plane of the needle, shape (n, 3), m."""
+        at = self.screen(points, layer)
+        at[:, 2] = LAYER * layer
+        return at
+
+    def surface(self, mesh: SkfemMesh) -> tuple[Ints, Ints]:
+        """Return the polygons that show a mesh, shape (n, corners), and their cells, (n,)."""
+        if mesh.dim() == 2:
+            return mesh.t.T, np.arange(mesh.nelements)
+        behind = self.axis.offset(mesh.p[:, mesh.t].mean(axis=1).T)[:, 1] <= 0.0
+        kept = np.flatnonzero(behind)
+        facets, cells = mesh.t2f[:, kept].T.ravel(), np.repeat(kept, len(mesh.t2f))
+        seen = np.bincount(facets, minlength=mesh.nfacets)[facets] == 1
+        return mesh.facets[:, facets[seen]].T, cells[seen]
+
+    def polygons(self, points: Points, corners: Ints) -> Any:
+        """Return polygons, corners of shape (n, k), as a PyVista mesh that can be moved."""
+        faces = np.column_stack([np.full(len(corners), corners.shape[1]), corners]).ravel()
+        return self._pv.PolyData(self.screen(points), faces=faces)
+
+    def tissue(self, mesh: SkfemMesh, points: Points, *, edges: bool = True) -> tuple[Any, Ints]:
+        """Draw the mesh by region, its vertices at points, shape (nvertices, dim), m.
+
+        Returns what was drawn, whose points may be set, and the cell of each of its polygons.
+        """
+        corners, cells = self.surface(mesh)
+        data = self.polygons(points, corners)
         names = [BACKGROUND, *sorted(set(mesh.subdomains) - {BACKGROUND})]
+        owner = np.zeros(mesh.nelements, dtype=np.intp)
         for number, name in enumerate(names):
-            cells = mesh.t[:, mesh.subdomains[name]].T
-            faces = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
-            self.plotter.add_mesh(
-                self._pv.PolyData(at, faces=faces),
-                color=self.style.tissue[number % len(self.style.tissue)],
-                show_edges=True,
-                edge_color=self.style.mesh,
-                line_width=self.style.mesh_width,
-                lighting=False,
-            )
-        self._outline(mesh, points)
+            owner[mesh.subdomains[name]] = number
+        palette = [self._pv.Color(colour).int_rgb for colour in self.style.tissue]
+        colours = np.array(palette, dtype=np.uint8)[owner[cells] % len(palette)]
+        data.cell_data["colours"] = colours
+        self.add(data, scalars="colours", rgb=True, **self.edges(edges))
+        return data, cells
 
-    def _outline(self, mesh: SkfemMesh, points: Points) -> None:
-        """Draw the outer edge."""
+    def edges(self, shown: bool) -> dict[str, Any]:
+        """Return how the edges of cells are drawn."""
+        if not shown:
+            return {"show_edges": False}
+        width = self.style.mesh_width
+        return {"show_edges": True, "edge_color": self.style.mesh, "line_width": width}
+
+    def add(self, data: Any, **how: Any) -> Any:
+        """Draw a PyVista mesh flat, without light."""
+        return self.plotter.add_mesh(
+            data, lighting=False, show_scalar_bar=False, reset_camera=False, render=False, **how
+        )
+
+    def skin(self, mesh: SkfemMesh, points: Points) -> Any:
+        """Draw the outer edge of a plane tissue."""
         edge = mesh.facets[:, mesh.boundary_facets()].T
         lines = np.column_stack([np.full(len(edge), 2), edge]).ravel()
-        self.plotter.add_mesh(
-            self._pv.PolyData(self.screen(points, 1), lines=lines),
-            color=self.style.outline,
-            line_width=self.style.outline_width,
-            lighting=False,
-        )
+        data = self._pv.PolyData(self.screen(points, SKIN_LAYER), lines=lines)
+        self.add(data, color=self.style.outline, line_width=self.style.outline_width)
+        return data
 
-    def _polygon(self, corners: Points, colour: str, layer: float) -> None:
-        at = self.screen(corners, layer)
-        face = np.concatenate([[len(at)], np.arange(len(at))])
-        self.plotter.add_mesh(self._pv.PolyData(at, faces=face), color=colour, lighting=False)
+    def polyline(
+        self, points: Points, colour: str, width: float, layer: float, *, closed: bool = False
+    ) -> Any:
+        """Draw a line through points of the world, `width` pixels wide."""
+        ring = np.vstack([points, points[:1]]) if closed else points
+        data = self._pv.lines_from_points(self.plane(ring, layer))
+        self.add(data, color=colour, line_width=width)
+        return data
 
-    def contour(self, points: Points) -> None:
+    def contour(self, points: Points, colour: str | None = None) -> Any:
         """Draw a closed line through points of the world."""
-        ring = self.screen(np.vstack([points, points[:1]]), 2)
-        self.plotter.add_mesh(
-            self._pv.lines_from_points(ring),
-            color=self.style.outline,
-            line_width=self.style.outline_width,
-            lighting=False,
-        )
+        shown = colour or self.style.outline
+        return self.polyline(points, shown, self.style.outline_width, 2, closed=True)
 
-    def needle(self, tip: Vector, radius: float, length: float) -> None:
-        """Draw the needle with its tip at a point of the world; `length` of it is shown, m."""
+    def polygon(self, corners: Points, colour: str, layer: float) -> Any:
+        """Fill a polygon with corners in the world."""
+        at = self.plane(corners, layer)
+        data = self._pv.PolyData(at, faces=[len(at), *range(len(at))])
+        self.add(data, color=colour)
+        return data
+
+    def needle_corners(self, tip: Vector, radius: float, length: float) -> Floats:
+        """Return the needle's outline, tip first; `length` (m) of it is shown."""
         back, side = -self.axis.direction, 0.5 * radius * self.axis.laterals[0]
-        neck = tip + 1.6 * radius * back
-        end = tip + length * back
-        self._polygon(
-            np.array([tip, neck + side, end + side, end - side, neck - side]), self.style.needle, 3
-        )
+        neck, end = tip + 1.6 * radius * back, tip + length * back
+        return np.array([tip, neck + side, end + side, end - side, neck - side])
 
-    def seed(self, point: Vector, size: float) -> None:
+    def needle(self, tip: Vector, radius: float, length: float) -> Any:
+        """Draw the needle with its tip at a point of the world, in a thin pale rim."""
+        rim = self.needle_corners(tip, 1.15 * radius, length)
+        rim[0] = tip
+        shapes = [self.polygon(rim, self.style.background, 3)]
+        shapes.append(self.polygon(self.needle_corners(tip, radius, length), self.style.needle, 4))
+        return shapes
+
+    def _square(self, point: Vector, size: Floats | float) -> Floats:
+        frame = np.stack([-self.axis.direction, self.axis.laterals[0]])
+        corners: Floats = point + (0.5 * np.asarray(size) * SQUARE) @ frame
+        return corners
+
+    def seed(self, point: Vector, size: float, colour: str | None = None) -> list[Any]:
         """Draw a seed as a square, `size` m wide."""
-        corners = point + 0.5 * size * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        self._polygon(point + 1.35 * (corners - point), "white", 5)
-        self._polygon(corners, self.style.seed, 6)
+        rim = self.polygon(self._square(point, 1.35 * size), "white", 5)
+        return [rim, self.polygon(self._square(point, size), colour or self.style.seed, 6)]
 
-    def target(self, point: Vector, size: float) -> None:
+    def target(self, point: Vector, size: float, colour: str | None = None) -> None:
         """Draw the target as an upright cross, `size` m wide."""
-        square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        for colour, rim, layer in (("white", 0.05, 7), (self.style.target, 0.0, 8)):
+        for paint, rim, layer in (("white", 0.05, 7), (colour or self.style.target, 0.0, 8)):
             for arm in (np.array([0.5, 0.07]), np.array([0.07, 0.5])):
-                self._polygon(point + size * (arm + rim) * square, colour, layer)
+                self.polygon(self._square(point, 2.0 * size * (arm + rim)), paint, layer)
 
-    def line(self, begin: Vector, end: Vector, width: float) -> None:
-        """Draw a line in the target's colour, `width` pixels wide."""
-        at = self.screen(np.array([begin, end]), 9)
-        self.plotter.add_mesh(
-            self._pv.lines_from_points(at),
-            color=self.style.target,
-            line_width=width,
-            lighting=False,
-        )
+    def disc(self, point: Vector, size: float, colour: str, layer: float = 6) -> Any:
+        """Draw a disc, `size` m wide."""
+        turn = 2.0 * np.pi * np.arange(32) / 32
+        frame = np.stack([-self.axis.direction, self.axis.laterals[0]])
+        ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        self.polygon(point + (0.5 * size + 0.06 * size) * ring @ frame, "white", layer - 0.5)
+        return self.polygon(point + 0.5 * size * ring @ frame, colour, layer)
 
-    def look(self, window: Window) -> None:
-        """Point the camera straight at a part of the plane."""
-        camera = self.plotter.camera
-        camera.parallel_projection = True
-        x, y = window.centre
-        camera.focal_point, camera.position, camera.up = (x, y, 0.0), (x, y, 1.0), (0.0, 1.0, 0.0)
-        wide, high = self.plotter.renderer.GetSize()
-        camera.parallel_scale = 0.5 * max(window.height, window.width * high / wide)
-        self.plotter.renderer.ResetCameraClippingRange()
-
-    def scale_bar(self, window: Window, length: float, label: str) -> None:
-        """Draw a bar of a length (m) in the lower left corner."""
-        left = window.centre + np.array([-0.46 * window.width, -0.44 * window.height])
-        thick = 0.008 * window.height
-        corners = left + np.array([[0, 0], [length, 0], [length, thick], [0, thick]])
-        at = np.column_stack([corners, np.full(4, 9e-3)])
-        self.plotter.add_mesh(
-            self._pv.PolyData(at, faces=[4, 0, 1, 2, 3]), color=self.style.text, lighting=False
-        )
-        self._label(np.array([left[0] + 0.5 * length, left[1] + 2.5 * thick]), label)
-
-    def _label(self, at: Floats, text: str, align: str = "center") -> None:
-        """Put a text over a point of the screen's plane."""
-        point = np.array([[at[0], at[1], 1.2e-2]])
-        self.plotter.add_point_labels(
-            point, [text], font_size=self.style.font_size, text_color=self.style.text,
-            shape=None, show_points=False, always_visible=True,
-            justification_horizontal=align, justification_vertical="bottom",
-        )  # fmt: skip
-
-    def title(self, window: Window, text: str) -> None:
-        """Write a line on a band of its own along the window's upper edge."""
-        wide, high = self.plotter.renderer.GetSize()
-        height = 2.0 * self.plotter.camera.parallel_scale
-        half = 0.5 * height * wide / high
-        band = 1.9 * self.style.font_size * height / high
-        top = window.centre[1] + 0.5 * height
-        left, right = window.centre[0] - half, window.centre[0] + half
-        corners = np.array([[left, top - band], [right, top - band], [right, top], [left, top]])
-        at = np.column_stack([corners, np.full(4, 9.5e-3)])
-        self.plotter.add_mesh(
-            self._pv.PolyData(at, faces=[4, 0, 1, 2, 3]),
-            color=self.style.background,
-            lighting=False,
-        )
-        middle = np.array([left + 0.4 * band, top - 0.75 * band])
-        self._label(middle, text, align="left")
+    def marker(self, shapes: Sequence[Any], home: Vector) -> "Marker":
+        """Return what was drawn at a point of the world as something to put elsewhere."""
+        return Marker(self, shapes, home)
 
 
-def line_chart(plotter: Any, title: str, x: str, y: str) -> Any:
-    """Return an empty chart that fills a plotter's active panel."""
-    chart = renderer().Chart2D()
-    chart.title = title
-    chart.x_label, chart.y_label = x, y
-    for axis in (chart.x_axis, chart.y_axis):
-        axis.label_size, axis.tick_label_size = 26, 22
-    chart.GetTitleProperties().SetFontSize(28)
-    chart.GetLegend().SetLabelSize(22)
-    plotter.add_chart(chart)
-    return chart
+class Marker:
+    """Shapes that move together in the plane of the needle."""
+
+    def __init__(self, canvas: Canvas, shapes: Sequence[Any], home: Vector) -> None:
+        self._canvas, self._shapes = canvas, tuple(shapes)
+        self._bases = [np.array(shape.points) for shape in shapes]
+        self._home = canvas.plane(home, 0)[0]
+
+    def to(self, point: Vector) -> None:
+        """Move to a point of the world, shape (dim,), m."""
+        shift = self._canvas.plane(point, 0)[0] - self._home
+        for shape, base in zip(self._shapes, self._bases, strict=True):
+            shape.points = base + shift

@@ -8,9 +8,11 @@ import numpy as np
 from needlefem.arrays import Floats, Points
 from needlefem.fem.model import Model
 from needlefem.needle.axis import Axis
-from needlefem.output.canvas import Canvas, Style, Window
+from needlefem.output.canvas import Canvas
 from needlefem.output.driver import renderer
-from needlefem.output.render import save, whole_window
+from needlefem.output.images import save
+from needlefem.output.panel import Panel, Window
+from needlefem.output.style import Style
 from needlefem.scene import Scene
 
 ACROSS = 3
@@ -46,13 +48,14 @@ def draw_modes(
         canvas = Canvas(plotter, axis, style)
         largest = float(np.linalg.norm(shape, axis=1).max())
         field = model.dof_vector(SWING * size / largest * shape)
-        canvas.tissue(model.mesh, field[model.basis.nodal_dofs].T)
+        moved = model.mesh.p.T + field[model.basis.nodal_dofs].T
+        canvas.tissue(model.mesh, moved)
+        canvas.skin(model.mesh, moved)
         for region in scene.regions.values():
             points = region.contour.points
             canvas.contour(points + model.displacement_at(field, points))
-        whole = whole_window(model.mesh, canvas)
-        room = 1.0 + 1.5 * SWING  # on both sides, beside what the window leaves itself
-        window = Window(whole.centre, room * whole.width, room * whole.height)
-        canvas.look(window)
-        canvas.title(window, f"mode {number + 1}: {hertz:.3g} Hz")
+        panel = Panel(plotter, style)
+        # the same window for all, with room for the largest swing
+        panel.look(Window.around(canvas.screen(model.mesh.p.T), 0.02 + 1.5 * SWING))
+        panel.line(f"mode {number + 1}: {hertz:.3g} Hz")
     return save(plotter, path)

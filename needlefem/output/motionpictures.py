@@ -6,9 +6,10 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.insertion.result import Insertion
-from needlefem.output.canvas import Style, line_chart
+from needlefem.output.charts import line_chart
 from needlefem.output.driver import renderer
-from needlefem.output.render import save
+from needlefem.output.images import save
+from needlefem.output.style import Style
 
 STICK_COLOURS = ("#0072B2", "#8C8C8C", "#D55E00")
 """Slips backward, sticks, slips forward."""

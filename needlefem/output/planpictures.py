@@ -7,13 +7,14 @@ import numpy as np
 
 from needlefem.arrays import Bools, Floats, Vector
 from needlefem.insertion.path import Path as CutPath
-from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.output.canvas import Canvas, Style, Window, line_chart
+from needlefem.output.charts import line_chart
 from needlefem.output.driver import renderer
-from needlefem.output.render import draw_tissue, save
+from needlefem.output.images import save
+from needlefem.output.stages import draw_stages
+from needlefem.output.style import Style
 from needlefem.planning.planner import Planner
-from needlefem.planning.result import Plan, Release
+from needlefem.planning.result import Plan
 from needlefem.scene import Scene
 
 CURVE_POINTS = 200
@@ -31,93 +32,6 @@ def draw_plan(scene: Scene, plan: Plan, folder: Path) -> list[Path]:
     }
     wanted = [name for name in scene.outputs.pictures if plan.best is not None]
     return [painters[name](scene, plan, folder / f"{name}.png") for name in wanted]
-
-
-class _Column:
-    """One column of the stages: an insertion and its release."""
-
-    def __init__(self, title: str, insertion: Insertion, release: Release, target: Vector) -> None:
-        self.title, self.insertion, self.release, self.target = title, insertion, release, target
-        self.depth = float(insertion.axis.along(release.release_point))
-
-
-def draw_stages(scene: Scene, plan: Plan, path: Path) -> Path:
-    """Draw insertion, release and placement, without (left) and with the plan (right).
-
-    Rows: before, released at the tip, retracted, placement error; after the paper's Fig. 1.
-    """
-    if plan.best is None or plan.unplanned is None:
-        raise ValueError("a plan without a release has no stages")
-    columns = (
-        _Column("without planning", plan.level, plan.unplanned, plan.target),
-        _Column("with planning", plan.insertion, plan.best, plan.target),
-    )
-    pv = renderer()
-    style = Style()
-    plotter = pv.Plotter(off_screen=True, shape=(4, 2), window_size=[1600, 2360], border=False)
-    plotter.set_background(style.background)
-    for across, column in enumerate(columns):
-        for down, stage in enumerate((_before, _released, _retracted, _error)):
-            plotter.subplot(down, across)
-            stage(Canvas(plotter, column.insertion.axis, style), column, scene)
-    return save(plotter, path)
-
-
-def _window(canvas: Canvas, column: _Column) -> Window:
-    """Show the needle's side of the tissue: from behind the skin to well past the target."""
-    depth = float(column.insertion.axis.along(column.target))
-    width = depth + 0.037
-    centre = canvas.screen(column.target)[0, :2] + np.array([0.5 * depth - 0.0065, 0.0095])
-    return Window(centre, width, 0.725 * width)
-
-
-def _finish(canvas: Canvas, column: _Column, title: str) -> None:
-    window = _window(canvas, column)
-    canvas.look(window)
-    canvas.scale_bar(window, 0.01, "1 cm")
-    canvas.title(window, title)
-
-
-def _before(canvas: Canvas, column: _Column, scene: Scene) -> None:
-    radius = scene.needle.tip_radius
-    draw_tissue(canvas, column.insertion, None)
-    canvas.needle(column.insertion.axis.tip(0.0), radius, 0.05)
-    canvas.target(column.target, 2.0 * radius)
-    _finish(canvas, column, f"{column.title}: before insertion")
-
-
-def _released(canvas: Canvas, column: _Column, scene: Scene) -> None:
-    radius = scene.needle.tip_radius
-    draw_tissue(canvas, column.insertion, column.depth)
-    canvas.needle(column.release.release_point, radius, column.depth + 0.05)
-    canvas.target(column.target, 2.0 * radius)
-    canvas.seed(column.release.release_point, 1.5 * radius)
-    where = ", ".join(f"{100 * x:.2f}" for x in column.release.release_point)
-    _finish(canvas, column, f"seed released at ({where}) cm")
-
-
-def _retracted(canvas: Canvas, column: _Column, scene: Scene) -> None:
-    radius = scene.needle.tip_radius
-    draw_tissue(canvas, column.insertion, None)
-    canvas.target(column.target, 2.0 * radius)
-    canvas.seed(column.release.placed_at, 1.5 * radius)
-    where = ", ".join(f"{100 * x:.2f}" for x in column.release.placed_at)
-    _finish(canvas, column, f"needle retracted, seed rests at ({where}) cm")
-
-
-def _error(canvas: Canvas, column: _Column, scene: Scene) -> None:
-    radius = scene.needle.tip_radius
-    draw_tissue(canvas, column.insertion, None)
-    canvas.target(column.target, 1.0 * radius)
-    canvas.line(column.target, column.release.placed_at, 5.0)
-    canvas.seed(column.release.placed_at, 0.75 * radius)
-    middle = canvas.screen(column.target)[0, :2] + np.array([4e-3, 0.0])
-    window = Window(middle, 0.0245, 0.0177)
-    canvas.look(window)
-    canvas.scale_bar(window, 0.005, "5 mm")
-    error = 100.0 * column.release.placement_error
-    text = f"{error:.2f} cm" if error >= 0.01 else f"{error:.1e} cm"
-    canvas.title(window, f"placement error {text}")
 
 
 def draw_depth(scene: Scene, plan: Plan, path: Path) -> Path:

@@ -1,57 +1,46 @@
-"""Pictures of an insertion."""
+"""Pictures of insertions: stills, panels and animations, one beside another."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, SkfemMesh
-from needlefem.insertion.fields import displacements
+from needlefem.arrays import Floats
+from needlefem.fem.cellvalues import CellValues
 from needlefem.insertion.result import Insertion
-from needlefem.output.canvas import Canvas, Style, Window
 from needlefem.output.driver import renderer
-from needlefem.output.files import whole_file
+from needlefem.output.film import Film, Moment
+from needlefem.output.images import Image, save, save_moving, save_still
+from needlefem.output.quantities import quantity, scale_of
+from needlefem.output.style import Style
+from needlefem.output.texture import Texture, read_texture, synthetic_ultrasound
+from needlefem.output.view import Look, View
+
+SYNTHETIC = "synthetic"
+"""Name of the texture that is made up."""
 
 
-def save(plotter: Any, path: Path) -> Path:
-    """Draw what a plotter holds into a PNG file."""
-    with whole_file(path) as part:
-        plotter.screenshot(part)
-    plotter.close()
-    return path
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Shot:
+    """What a picture shows, and how large.
 
-
-def draw_tissue(canvas: Canvas, insertion: Insertion, depth: float | None) -> None:
-    """Draw the tissue and its contours at a depth, or undeformed for None."""
-    model = insertion.model
-    moved = None if depth is None else displacement(insertion, depth)
-    vertices = None if moved is None else moved[model.basis.nodal_dofs].T
-    canvas.tissue(model.mesh, vertices)
-    for region in insertion.scene.regions.values():
-        points = region.contour.points
-        canvas.contour(points if moved is None else points + model.displacement_at(moved, points))
-
-
-def displacement(insertion: Insertion, depth: float) -> Floats:
-    """Return the displacement of all dofs at a depth, shape (ndofs,), m.
-
-    Interpolated linearly between the two states around it.
+    Parameters
+    ----------
+    field : str
+        Colours by this quantity; by region when empty.
+    texture : str
+        An image file of the undeformed tissue, or ``synthetic``; none when empty.
+    size : (int, int)
+        Pixels.
+    style : Style
     """
-    depths = insertion.depths
-    after = int(np.clip(np.searchsorted(depths, depth), 1, len(depths) - 1))
-    span = depths[after] - depths[after - 1]
-    share = float(np.clip((depth - depths[after - 1]) / span, 0.0, 1.0)) if span else 1.0
-    moved: Floats = displacements(insertion, [after - 1, after]) @ np.array([1.0 - share, share])
-    return moved
 
-
-def whole_window(mesh: SkfemMesh, canvas: Canvas, behind: float = 0.0) -> Window:
-    """Return a window that shows the mesh and `behind` (m) of the space that the needle is in."""
-    corners = canvas.screen(mesh.p.T)[:, :2]
-    low, high = corners.min(axis=0), corners.max(axis=0) + np.array([behind, 0.0])
-    size = 1.1 * (high - low)
-    return Window(0.5 * (low + high), float(size[0]), float(size[1]))
+    field: str = ""
+    texture: str = ""
+    size: tuple[int, int] = (1280, 720)
+    style: Style = dataclasses.field(default_factory=Style)
 
 
 def render(
@@ -59,39 +48,156 @@ def render(
     path: str | Path,
     *,
     depth: float | None = None,
-    size: Sequence[int] = (1600, 1200),
-    style: Style | None = None,
+    time: float | None = None,
+    beside: Insertion | None = None,
+    shot: Shot | None = None,
 ) -> Path:
-    """Draw the deformed tissue and the needle at a depth into a PNG file.
+    """Draw tissue, needle, path, seeds and target at one time into a picture.
 
     Parameters
     ----------
     insertion : Insertion
     path : str or Path
+        Ends in .png, .webp or .jpg.
     depth : float, m, optional
-        The last state's when left out.
-    size : (int, int)
-        Pixels.
-    style : Style, optional
+        When the tip first is there. The last state when neither this nor `time` is given.
+    time : float, s, optional
+    beside : Insertion, optional
+        Drawn on the right, at the same time or depth, in the same colours.
+    shot : Shot, optional
 
     Raises
     ------
     NoRendererError
         Nothing here can draw; the message names what to install.
+    CaseError
+        A field that the element has not, a texture that can't be read, an unknown kind of file.
     """
-    pv = renderer()
-    style = style or Style()
-    at = float(insertion.depths[-1]) if depth is None else depth
-    plotter = pv.Plotter(off_screen=True, window_size=list(size), border=False)
-    plotter.set_background(style.background)
-    canvas = Canvas(plotter, insertion.axis, style)
-    radius = insertion.scene.needle.tip_radius
-    draw_tissue(canvas, insertion, at)
-    canvas.needle(insertion.axis.tip(at), radius, at + 0.02)
-    if insertion.scene.target is not None:
-        canvas.target(np.array(insertion.scene.target), 2.0 * radius)
-    window = whole_window(insertion.model.mesh, canvas, behind=0.012)
-    canvas.look(window)
-    canvas.scale_bar(window, 0.01, "1 cm")
-    canvas.title(window, f"{insertion.scene.title}: depth {100 * at:.2f} cm")
+    films = _films(insertion, beside)
+    times = [_time(film, depth, time) for film in films]
+    with Studio(films, shot or Shot(), scale_times=[[t] for t in times]) as studio:
+        image = studio.picture([film.moments([t])[0] for film, t in zip(films, times, strict=True)])
+    return save_still(image, Path(path))
+
+
+def _time(film: Film, depth: float | None, time: float | None) -> float:
+    if time is not None:
+        return time
+    return float(film.times[-1]) if depth is None else film.time_at(depth)
+
+
+def _films(insertion: Insertion, beside: Insertion | None) -> list[Film]:
+    return [Film(found) for found in (insertion, beside) if found is not None]
+
+
+def animate(
+    insertion: Insertion,
+    path: str | Path,
+    *,
+    frames: int = 60,
+    rate: float = 12.0,
+    beside: Insertion | None = None,
+    shot: Shot | None = None,
+) -> Path:
+    """Draw the whole motion into an animation (.gif, .webp, or .mp4 with the extra `video`).
+
+    Frames are evenly spaced in time; the shorter of two motions waits at its end. See `render`
+    for the other parameters and the errors.
+    """
+    films = _films(insertion, beside)
+    times = frame_times(films, frames)
+    with Studio(films, shot or Shot(), scale_times=[times] * len(films)) as studio:
+        return save_moving(studio.pictures(times), Path(path), rate)
+
+
+def frame_times(films: Sequence[Film], frames: int) -> Floats:
+    """Return the times of frames, s, evenly spaced from start to the end of the longest."""
+    return np.linspace(0.0, max(float(film.times[-1]) for film in films), max(frames, 2))
+
+
+def panels(
+    insertion: Insertion, path: str | Path, *, count: int = 6, shot: Shot | None = None
+) -> Path:
+    """Draw moments evenly spaced in time beside one another; see `render`."""
+    shot, film = shot or Shot(), Film(insertion)
+    times = frame_times([film], count)
+    across = min(3, len(times))
+    down = -(-len(times) // across)
+    size = (across * shot.size[0] // 2, down * shot.size[1] // 2)
+    plotter = _plotter(shot, size, (down, across))
+    look = looks([film], shot, [times])[0]
+    for number, moment in enumerate(film.moments(times)):
+        plotter.subplot(number // across, number % across)
+        View(plotter, film, look, insertion.scene.title).show(moment)
     return save(plotter, Path(path))
+
+
+class Studio:
+    """One plotter for all pictures of some insertions, side by side.
+
+    Parameters
+    ----------
+    films : sequence of Film
+    shot : Shot
+    scale_times : sequence of sequences, s
+        Times of each film whose values the colours must cover.
+    """
+
+    def __init__(
+        self, films: Sequence[Film], shot: Shot, scale_times: Sequence[Sequence[float] | Floats]
+    ) -> None:
+        self.films = tuple(films)
+        self.plotter = _plotter(shot, shot.size, (1, len(films)))
+        self.views = []
+        for number, (film, look) in enumerate(
+            zip(films, looks(films, shot, scale_times), strict=True)
+        ):
+            self.plotter.subplot(0, number)
+            self.views.append(View(self.plotter, film, look, film.insertion.scene.title))
+
+    def __enter__(self) -> "Studio":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.plotter.close()
+
+    def picture(self, moments: Sequence[Moment]) -> Image:
+        """Return a picture of one moment of every film."""
+        for view, moment in zip(self.views, moments, strict=True):
+            view.show(moment)
+        self.plotter.render()  # a screenshot alone repeats the last picture
+        image: Image = self.plotter.screenshot(return_img=True)
+        return image
+
+    def pictures(self, times: Sequence[float] | Floats) -> Iterator[Image]:
+        """Yield a picture for every time."""
+        for moments in zip(*(film.moments(times) for film in self.films), strict=True):
+            yield self.picture(moments)
+
+
+def looks(
+    films: Sequence[Film], shot: Shot, times: Sequence[Sequence[float] | Floats]
+) -> list[Look]:
+    """Return how each of some films is shown, all with the same scale."""
+    if shot.texture:
+        return [Look(texture=_texture(film, shot.texture), style=shot.style) for film in films]
+    if not shot.field:
+        return [Look(style=shot.style) for _ in films]
+    shown, values = quantity(shot.field), []
+    for film, moments in zip(films, times, strict=True):
+        cells = CellValues(film.model)
+        values += [shown.of(cells, moment.u) for moment in film.moments(moments)]
+    return [Look(field=shown, scale=scale_of(shown, values), style=shot.style) for _ in films]
+
+
+def _texture(film: Film, name: str) -> Texture:
+    if name != SYNTHETIC:
+        return read_texture(name)
+    insertion = film.insertion
+    return synthetic_ultrasound(insertion.scene, insertion.model, insertion.axis)
+
+
+def _plotter(shot: Shot, size: tuple[int, int], shape: tuple[int, int]) -> Any:
+    plotter = renderer().Plotter(off_screen=True, shape=shape, window_size=list(size), border=False)
+    plotter.set_background(shot.style.background)
+    return plotter

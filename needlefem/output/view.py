@@ -1,0 +1,190 @@
+"""An insertion in one panel: drawn once, then moved from moment to moment."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.fem.cellvalues import CellValues
+from needlefem.output.canvas import LAYER, SKIN_LAYER, Canvas
+from needlefem.output.film import Film, Moment
+from needlefem.output.panel import Panel, Scale, Window
+from needlefem.output.quantities import Quantity
+from needlefem.output.style import Style
+from needlefem.output.texture import Texture
+
+BEHIND = 0.3
+"""Of the tissue's length along the needle, that is shown of the space that the needle is in."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Look:
+    """What a picture shows of the tissue.
+
+    Parameters
+    ----------
+    field : Quantity, optional
+        Colours by this; by region when left out.
+    scale : Scale, optional
+        Of the field.
+    texture : Texture, optional
+        An image that deforms with the tissue, instead.
+    style : Style
+    """
+
+    field: Quantity | None = None
+    scale: Scale | None = None
+    texture: Texture | None = None
+    style: Style = dataclasses.field(default_factory=Style)
+
+    @property
+    def note(self) -> str:
+        """What must be said in the picture."""
+        if self.texture is not None:
+            return self.texture.note
+        return "" if self.field is None else self.field.note
+
+
+class TissueView:
+    """Tissue and outlines of its regions, drawn once and moved from moment to moment.
+
+    Parameters
+    ----------
+    canvas : Canvas
+    film : Film
+    look : Look
+    """
+
+    def __init__(self, canvas: Canvas, film: Film, look: Look) -> None:
+        self.canvas, self.film, self.look = canvas, film, look
+        self._cells = CellValues(film.model) if look.field and not look.field.nodal else None
+        start, mesh = film.undeformed(), film.model.mesh
+        self._skin = canvas.skin(mesh, start.vertices) if mesh.dim() == 2 else None
+        self._draw(start)
+        self._lines = [canvas.contour(ring, self._ink) for ring in start.contours]
+
+    @property
+    def _ink(self) -> str:
+        style = self.look.style
+        if self.look.field is not None:
+            return style.on_field
+        return style.outline if self.look.texture is None else style.on_image
+
+    def _draw(self, start: Moment) -> None:
+        mesh, look, canvas = self.film.model.mesh, self.look, self.canvas
+        if look.texture is None and look.field is None:
+            self._tissue, self._owner = canvas.tissue(mesh, start.vertices)
+            return
+        corners, self._owner = canvas.surface(mesh)
+        self._tissue = canvas.polygons(start.vertices, corners)
+        if look.texture is not None:
+            self._tissue.active_texture_coordinates = look.texture.coordinates(canvas, mesh)
+            canvas.add(self._tissue, texture=look.texture.image(), show_edges=False)
+        elif look.scale is not None:
+            self._write_field(start)
+            canvas.add(
+                self._tissue, scalars="field", clim=(look.scale.low, look.scale.high),
+                cmap=look.style.colour_map, nan_color=look.style.folded,
+                interpolate_before_map=True, **canvas.edges(shown=True),
+            )  # fmt: skip
+
+    def _write_field(self, moment: Moment) -> None:
+        field, cells = self.look.field, self._cells
+        if field is None:
+            return
+        if cells is None:
+            size = field.factor * np.linalg.norm(moment.vertices - self.film.model.mesh.p.T, axis=1)
+            self._tissue.point_data["field"] = size
+        else:
+            self._tissue.cell_data["field"] = field.of(cells, moment.u)[self._owner]
+
+    def show(self, moment: Moment) -> None:
+        """Move to a moment."""
+        at = self.canvas.screen(moment.vertices)
+        self._tissue.points = at
+        if self._skin is not None:
+            self._skin.points = at + np.array([0.0, 0.0, SKIN_LAYER * LAYER])
+        self._write_field(moment)
+        for line, ring in zip(self._lines, moment.contours, strict=True):
+            line.points = self.canvas.plane(np.vstack([ring, ring[:1]]), 2)
+
+
+class View:
+    """Tissue, needle, path, seeds and target of an insertion in a plotter's active panel.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+    film : Film
+    look : Look
+    title : str
+    window : Window, optional
+        What is shown; the whole tissue when left out.
+    """
+
+    def __init__(
+        self, plotter: Any, film: Film, look: Look, title: str, window: Window | None = None
+    ) -> None:
+        self.film, self.look = film, look
+        self.canvas = Canvas(plotter, film.insertion.axis, look.style)
+        self.panel = Panel(plotter, look.style, lines=2, scale=look.scale)
+        self._tissue = TissueView(self.canvas, film, look)
+        self._path = self._draw_path()
+        self.panel.look(window or whole(self.canvas, film))
+        self._draw_instruments()
+        self.panel.line(title, 0)
+        if look.note:
+            self.panel.note(look.note)
+
+    def _draw_path(self) -> Any:
+        """Draw the whole path as a line that lies at the entry until it is cut."""
+        entry = self.film.insertion.axis.entry
+        self._path_size = max(len(self.film.moments([np.inf])[0].path), 2)
+        style = self.look.style
+        ends = np.repeat(entry[None], self._path_size, axis=0)
+        return self.canvas.polyline(ends, style.path, style.path_width, 2.5)
+
+    def _draw_instruments(self) -> None:
+        insertion = self.film.insertion
+        scene, axis, canvas = insertion.scene, insertion.axis, self.canvas
+        radius, reach = scene.needle.tip_radius, float(np.ptp(axis.along(self.film.model.mesh.p.T)))
+        home = axis.tip(0.0)
+        self._needle = canvas.marker(canvas.needle(home, radius, 4.0 * reach), home)
+        if scene.target is not None:
+            canvas.target(np.array(scene.target), 2.0 * radius)
+        self._seeds = [
+            canvas.marker(canvas.seed(home, 1.1 * radius), home) for _ in insertion.seeds
+        ]
+        self._nowhere: Vector = home - 50.0 * reach * axis.direction
+
+    def show(self, moment: Moment) -> None:
+        """Move everything to a moment, and write its time, depth and force."""
+        canvas = self.canvas
+        self._tissue.show(moment)
+        self._path.points = canvas.plane(self._padded(moment.path), 2.5)
+        self._needle.to(self.film.insertion.axis.tip(moment.depth))
+        for number, seed in enumerate(self._seeds):
+            seed.to(moment.seeds[number] if number < len(moment.seeds) else self._nowhere)
+        self.panel.line(self.caption(moment), 1)
+
+    def _padded(self, path: Floats) -> Floats:
+        """Return the path with as many points as it will have at its end."""
+        if not len(path):
+            path = self.film.insertion.axis.entry[None]
+        rest = np.repeat(path[-1:], self._path_size - len(path), axis=0)
+        return np.vstack([path, rest])
+
+    def caption(self, moment: Moment) -> str:
+        """Return time, depth and force as text."""
+        unit = "N" if self.film.model.dim == 3 else "N/m"
+        depth = f"depth {100 * moment.depth:.2f} cm" if moment.depth >= 0.0 else "needle out"
+        return f"{moment.time:.2f} s, {depth}, force {moment.force:.0f} {unit}"
+
+
+def whole(canvas: Canvas, film: Film) -> Window:
+    """Return the window of the whole tissue and some of the space behind the needle's entry."""
+    corners = canvas.screen(film.model.mesh.p.T)
+    reach = float(np.ptp(corners[:, 0]))
+    end = corners.max(axis=0) + np.array([BEHIND * reach, 0.0, 0.0])
+    return Window.around(np.vstack([corners, end]), 0.03)
