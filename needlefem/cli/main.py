@@ -1,4 +1,4 @@
-"""``needlefem run|plan|modes|verify|study|bench``: arguments, dispatch, exit statuses.
+"""``needlefem run|plan|render|modes|verify|study|bench``: arguments, dispatch, exit statuses.
 
 0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
 4 no renderer.
@@ -16,6 +16,7 @@ from needlefem.errors import NeedlefemError
 COMMANDS = {
     "run": "push the needle of a case in and report what happens",
     "plan": "find the release point that ends on the case's target",
+    "render": "draw a case or a result: stills, panels, animations",
     "modes": "find how the tissue of a case vibrates",
     "verify": "run the reference problems",
     "study": "measure what the answers of a case depend on",
@@ -93,6 +94,29 @@ def _plan(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _render(parser: argparse.ArgumentParser) -> None:
+    _case(parser)
+    parser.add_argument(
+        "--out", metavar="FILE", default="out/picture.png",
+        help="picture (.png, .webp, .jpg) or animation (.gif, .webp, .mp4)",
+    )  # fmt: skip
+    parser.add_argument("--setup", action="store_true", help="the scene, before any simulation")
+    parser.add_argument("--beside", metavar="CASE", help="a second case or result on the right")
+    parser.add_argument(
+        "--field", default="", help="displacement, strain, von-mises, pressure or validity"
+    )
+    parser.add_argument(
+        "--texture", default="", metavar="FILE",
+        help="image of the undeformed tissue, deformed with it; 'synthetic' makes ultrasound up",
+    )  # fmt: skip
+    parser.add_argument("--time", metavar="TIME", help='a still at a time, as in "3 s"')
+    parser.add_argument("--depth", metavar="DEPTH", help='a still at a depth, as in "3 cm"')
+    parser.add_argument("--panels", type=int, metavar="N", help="N moments beside one another")
+    parser.add_argument("--frames", type=int, default=60, help="of an animation")
+    parser.add_argument("--rate", type=float, default=12.0, help="frames a second")
+    parser.add_argument("--size", default="1280x720", help="pixels, width x height")
+
+
 def _modes(parser: argparse.ArgumentParser) -> None:
     _case(parser)
     _output(parser)
@@ -135,6 +159,7 @@ def _bench(parser: argparse.ArgumentParser) -> None:
 _OPTIONS = {
     "run": _run,
     "plan": _plan,
+    "render": _render,
     "modes": _modes,
     "verify": _verify,
     "study": _study,

@@ -9,7 +9,7 @@ from needlefem.cli import planpaper
 from needlefem.cli.common import centimetres, progress, say, say_json, warn
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
-from needlefem.output.records import plan_record
+from needlefem.output.records import origin, plan_record
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene
@@ -22,7 +22,7 @@ def main(options: argparse.Namespace) -> int:
     scene = load_case(options.case, options.overrides)
     with progress("planning") as watch:
         found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
-    record = {"case": scene.title, "overrides": scene.overrides} | plan_record(found)
+    record = origin(scene) | plan_record(found)
     expected = compare(scene.expect, record, "plan", scene.axes)
     record["expect"] = None if expected is None else expected.record()
     if options.json:

@@ -9,7 +9,7 @@ from needlefem.cli.common import centimetres, progress, say, say_json, warn
 from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime
 from needlefem.output.files import write_json
-from needlefem.output.records import plan_record
+from needlefem.output.records import origin, plan_record
 from needlefem.planning.paper import Drifted, Timed, drift, own_plan, paper_plan
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import BoxMesh
@@ -31,7 +31,7 @@ def main(options: argparse.Namespace) -> int:
     if isinstance(scene.mesh, BoxMesh):
         drifts = list(zip(drift(scene, InTime()), drift(scene, None), strict=True))
     tables = [_beside(paper, ours, scene.axes), _drift(drifts, scene.axes)]
-    record: dict[str, Any] = {"case": scene.title, "overrides": scene.overrides, "method": "paper"}
+    record: dict[str, Any] = origin(scene) | {"method": "paper"}
     record |= plan_record(paper.plan) | {"seconds": paper.seconds, "steps": paper.steps}
     record |= {
         "expect": None,

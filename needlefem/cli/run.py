@@ -19,6 +19,7 @@ from needlefem.output.motionpictures import draw_forces, draw_sticking
 from needlefem.output.records import (
     insertion_record,
     ledger_record,
+    origin,
     released_record,
     seed_record,
 )
@@ -42,7 +43,7 @@ def main(options: argparse.Namespace) -> int:
             if watch is not None:
                 watch(state)
         insertion = course.result(tuple(kept))
-    record = {"case": scene.title, "overrides": scene.overrides} | insertion_record(insertion)
+    record = origin(scene) | insertion_record(insertion)
     record |= _measures(simulation, insertion)
     expected = compare(scene.expect, record, "run", scene.axes)
     record["expect"] = None if expected is None else expected.record()

@@ -11,7 +11,14 @@ from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion, Ledger, Seed
 from needlefem.planning.result import Evidence, Plan, Release
 from needlefem.planning.search import Solution
+from needlefem.scene import Scene
 from needlefem.scene.meshing import Coordinates
+
+
+def origin(scene: Scene) -> dict[str, Any]:
+    """Return which case a result came from, and what was replaced in it."""
+    source = None if scene.source is None else scene.source.resolve()
+    return {"case": scene.title, "source": source, "overrides": scene.overrides}
 
 
 def check_record(check: CheckResult) -> dict[str, Any]:
