@@ -138,7 +138,8 @@ class Course:
     def result(self, states: tuple[State, ...]) -> Insertion:
         """Return the insertion with the states that were kept."""
         if self.stepping is None:
-            return dataclasses.replace(self._marched_result(), events=self._events())
+            found = self._marched_result()
+            return dataclasses.replace(found, states=states, events=self._events())
         stepping, march = self.stepping, self.march
         snaps = march.snaps if march else []
         return Insertion(
