@@ -76,6 +76,9 @@ studies: install
 	$(BIN)/needlefem study convergence $(RESOLVED)
 	$(BIN)/needlefem study elements $(RESOLVED)
 	$(BIN)/needlefem study extremes $(RESOLVED)
+	$(BIN)/needlefem study friction $(RESOLVED)
+	$(BIN)/needlefem study trains $(RESOLVED)
+	$(BIN)/needlefem study cycles $(PAPER)
 
 calibrate: install
 	$(BIN)/python cases/prostate-2003/calibrate.py --draws 512 --write

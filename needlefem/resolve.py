@@ -11,6 +11,9 @@ from needlefem.scene import BoxMesh, Discretisation, FileMesh, Scene, vary
 CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
 """By shape of the cells: the element that is fastest to an accuracy, the mixed one that overtakes
 it before it locks, and the Poisson's ratio at which it does (``needlefem bench elements``)."""
+SHORT_PIECE = 0.75
+"""Length of a piece over the element size from which on its sticking is smooth
+(``verification/f11_multipliers.py``)."""
 FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS = 48, 400
 
 
@@ -160,6 +163,7 @@ def _warnings(scene: Scene) -> list[str]:
         *_tip_warnings(scene),
         *_spacing_warnings(scene, row),
         *_friction_warnings(scene),
+        *_stick_warnings(scene),
     ]
 
 
@@ -171,6 +175,21 @@ def _friction_warnings(scene: Scene) -> list[str]:
             "give needle.weakening_length"
         ]
     return []
+
+
+def _stick_warnings(scene: Scene) -> list[str]:
+    """Say where the friction of what sticks would alternate from piece to piece."""
+    size, needle = tip_element_size(scene), scene.needle
+    steps = scene.motion.stages or scene.motion.times or scene.discretisation.integrator != "march"
+    if not steps or size is None or needle.stick_stiffness > 0.0:
+        return []
+    if scene.discretisation.path_spacing >= SHORT_PIECE * size:
+        return []
+    return [
+        f"the path spacing is below the element size along the needle ({size * 1e3:.2g} mm): the "
+        "friction of what sticks alternates from piece to piece; lengthen it or give "
+        "needle.stick_stiffness (1e9 N/m^3 is enough)"
+    ]
 
 
 def _locking(scene: Scene, row: ElementRow) -> list[str]:

@@ -66,9 +66,14 @@ def test_run_before_puncture_still_reports_its_error(capsys: pytest.CaptureFixtu
 def test_results_are_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     status, _, _ = run(capsys, "run", CASE, "--out", str(tmp_path / "run"), *SMALL)
     assert status == 0
-    assert {p.name for p in (tmp_path / "run").iterdir()} == {"run.json", "insertion.csv"}
+    names = {p.name for p in (tmp_path / "run").iterdir()}
+    tables = {"insertion.csv", "events.csv", "shaft.csv"}
+    assert names == {"run.json", "forces.png", "sticking.png", *tables}
     header = (tmp_path / "run" / "insertion.csv").read_text().splitlines()[0]
-    assert header == "depth [m],y [m],z [m],tip force [N/m],shaft force [N/m]"
+    assert header == (
+        "time [s],depth [m],speed [m/s],tip,y [m],z [m],tip force [N/m],shaft force [N/m],"
+        "sticking pieces,slipping forward,slipping backward"
+    )
     out = str(tmp_path / "plan")
     assert run(capsys, "plan", CASE, "--out", out, "--no-pictures")[0] == 0
     assert [p.name for p in (tmp_path / "plan").iterdir()] == ["plan.json"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import skfem
 
+from needlefem.checks.lying import LyingNeedle
 from needlefem.checks.tissue import preflight
 from needlefem.elements import ElementRow
 from needlefem.elements.quadrature import simplex
@@ -80,3 +81,38 @@ def test_march_in_a_block_of_tetrahedra(block: Model, gel: Scene, direction: lis
 
 def test_checks_hold_in_three_dimensions(block: Model) -> None:
     assert [check.name for check in preflight(block) if not check.passed] == []
+
+
+def slab(radius: float, thickness: float, divisions: int) -> Model:
+    """Return a disc of one layer of cells that moves along its axis alone, held at its rim."""
+    ticks = np.linspace(-1.0, 1.0, 2 * divisions + 1)
+    mesh = skfem.MeshTet.init_tensor(ticks, ticks, np.array([0.0, thickness]))
+    x, y, z = mesh.p
+    grade = np.maximum(np.abs(x), np.abs(y)) ** 0.5  # finer towards the needle
+    round_x, round_y = x * np.sqrt(1.0 - 0.5 * y**2), y * np.sqrt(1.0 - 0.5 * x**2)
+    points = np.stack([radius * grade * round_x, radius * grade * round_y, z])
+    mesh = skfem.MeshTet(points, mesh.t)
+    mesh = mesh.with_subdomains({BACKGROUND: np.arange(mesh.nelements)}).with_boundaries(
+        {
+            "rim": lambda p: np.hypot(p[0], p[1]) > radius * (1.0 - 0.5 / divisions**2),
+            "ends": lambda p: (p[2] < 1e-9) | (p[2] > thickness - 1e-9),
+        }
+    )
+    law = Isotropic(youngs_modulus=10e3, poissons_ratio=0.3)
+    supports = {"rim": Support(faces=("rim",)), "ends": Support(faces=("ends",), fixed=("x", "y"))}
+    return Model(mesh, TETRAHEDRON, {BACKGROUND: law}, supports, ("x", "y", "z"))
+
+
+def test_give_of_a_thick_shaft_in_a_cylinder() -> None:
+    """F6: w = q / (2 pi mu) (ln(R / a) + 1 / 4), the mean over a disc of evenly spread force."""
+    radius, thick, thickness, limit = 0.03, 0.003, 0.002, 5.0
+    shear, errors = 10e3 / 2.6, []
+    for divisions in (6, 12):
+        model = slab(radius, thickness, divisions)
+        ends = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, thickness])
+        needle = LyingNeedle(model, ends, 1, limit, thickness=thick)
+        assert needle.move(1.0) == pytest.approx(limit * thickness)
+        exact = limit / (2.0 * np.pi * shear) * (np.log(radius / thick) + 0.25)
+        errors.append(abs(needle.moved[0] / exact - 1.0))
+    assert errors[1] < 0.02
+    assert errors[1] < 0.5 * errors[0]
