@@ -18,7 +18,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify quick lint types unit studies calibrate bench clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
@@ -30,6 +30,7 @@ help:
 	@echo "make studies    every study behind the documentation's tables (half an hour)"
 	@echo "make calibrate  calibrate the paper's scene anew (an hour)"
 	@echo "make bench      what a plan, a time step and an accuracy cost"
+	@echo "make figures    the paper's figures beside its numbers, and the README's animation, into docs"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -83,7 +84,13 @@ studies: install
 calibrate: install
 	$(BIN)/python cases/prostate-2003/calibrate.py --draws 512 --write
 
+figures: install
+	$(BIN)/needlefem figures $(PAPER) --out docs
+	$(BIN)/needlefem render $(PAPER) --setup --out docs/pictures/setup.png
+	$(BIN)/needlefem render cases/prostate-train/case.toml --size 800x450 --frames 48 --out docs/pictures/train.webp
+
 bench: install
+	$(BIN)/needlefem bench render $(PAPER)
 	$(BIN)/needlefem bench process $(PAPER)
 	$(BIN)/needlefem bench plan $(PAPER)
 	$(BIN)/needlefem bench plan $(RESOLVED)

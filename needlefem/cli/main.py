@@ -1,4 +1,4 @@
-"""``needlefem run|plan|render|modes|verify|study|bench``: arguments, dispatch, exit statuses.
+"""``needlefem COMMAND``: arguments, dispatch, exit statuses.
 
 0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
 4 no renderer.
@@ -17,6 +17,7 @@ COMMANDS = {
     "run": "push the needle of a case in and report what happens",
     "plan": "find the release point that ends on the case's target",
     "render": "draw a case or a result: stills, panels, animations",
+    "figures": "draw the figures of Alterovitz et al. 2003 beside the paper's numbers",
     "modes": "find how the tissue of a case vibrates",
     "verify": "run the reference problems",
     "study": "measure what the answers of a case depend on",
@@ -117,6 +118,11 @@ def _render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", default="1280x720", help="pixels, width x height")
 
 
+def _figures(parser: argparse.ArgumentParser) -> None:
+    _case(parser)
+    parser.add_argument("--out", metavar="DIR", default="out/figures", help="page and pictures")
+
+
 def _modes(parser: argparse.ArgumentParser) -> None:
     _case(parser)
     _output(parser)
@@ -160,6 +166,7 @@ _OPTIONS = {
     "run": _run,
     "plan": _plan,
     "render": _render,
+    "figures": _figures,
     "modes": _modes,
     "verify": _verify,
     "study": _study,

@@ -21,9 +21,7 @@ from needlefem.scene import Motion, Scene, Stage
 SAME = 1e-9
 """Difference of depths and tips, m, up to which a run is the one that was written."""
 CLOSE = 5e-5
-"""The same of where a planned seed rests: the plan interpolates, and takes retraction as read."""
-OUT = 2e-3
-"""How far the needle leaves the tissue after a planned release, m."""
+"""The same of where a planned seed rests: the plan interpolates between depths."""
 
 
 def scene_of(path: str, overrides: Sequence[str]) -> Scene:
@@ -44,7 +42,7 @@ def scene_of(path: str, overrides: Sequence[str]) -> Scene:
 def replay(path: str, overrides: Sequence[str], watch: Watch | None) -> Insertion:
     """Return what a case's needle does, or what a result's did.
 
-    A plan's insertion is carried out: to the release, and out again.
+    A plan's insertion is carried out, to the release.
 
     Raises
     ------
@@ -74,7 +72,7 @@ def _moved(scene: Scene, watch: Watch | None) -> Insertion:
 
 
 def _carried_out(again: Again) -> Scene:
-    """Return the plan's scene with a motion to its release point and out."""
+    """Return the plan's scene with a motion to its release point."""
     release = again.record["release_point"]
     if release is None:
         raise CaseError("release_point", "the plan has none", "render its case instead")
@@ -82,7 +80,7 @@ def _carried_out(again: Again) -> Scene:
     point = np.array(release)
     entry = simulation.entry_through(point)
     depth = float((point - entry.point) @ simulation.direction)
-    stages = (Stage(to=depth, release="seed"), Stage(to=-OUT))
+    stages = (Stage(to=depth, release="seed"),)
     motion: Motion = dataclasses.replace(
         again.scene.motion, entry=tuple(entry.point.tolist()), stages=stages, times=(), depths=()
     )

@@ -19,6 +19,8 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 LAYER = 1e-3
 """Distance of one layer from the next, m: higher ones cover lower ones."""
 SKIN_LAYER = 2
+FULL = 600.0
+"""Height of a panel, pixels, below which lines get thinner with it."""
 
 
 class Canvas:
@@ -39,6 +41,8 @@ class Canvas:
     def __init__(self, plotter: Any, axis: Axis, style: Style) -> None:
         self.plotter, self.axis, self.style = plotter, axis, style
         self._pv = renderer()
+        wide, high = plotter.renderer.GetSize()
+        self._thin = min(1.0, min(high, 0.8 * wide) / FULL)
 
     def screen(self, points: Points, layer: float = 0.0) -> Floats:
         """Return screen coordinates of points, shape (n, dim), as (n, 3), m."""
@@ -91,7 +95,7 @@ class Canvas:
         """Return how the edges of cells are drawn."""
         if not shown:
             return {"show_edges": False}
-        width = self.style.mesh_width
+        width = self._thin * self.style.mesh_width
         return {"show_edges": True, "edge_color": self.style.mesh, "line_width": width}
 
     def add(self, data: Any, **how: Any) -> Any:
@@ -105,7 +109,7 @@ class Canvas:
         edge = mesh.facets[:, mesh.boundary_facets()].T
         lines = np.column_stack([np.full(len(edge), 2), edge]).ravel()
         data = self._pv.PolyData(self.screen(points, SKIN_LAYER), lines=lines)
-        self.add(data, color=self.style.outline, line_width=self.style.outline_width)
+        self.add(data, color=self.style.outline, line_width=self._thin * self.style.outline_width)
         return data
 
     def polyline(
@@ -114,7 +118,7 @@ class Canvas:
         """Draw a line through points of the world, `width` pixels wide."""
         ring = np.vstack([points, points[:1]]) if closed else points
         data = self._pv.lines_from_points(self.plane(ring, layer))
-        self.add(data, color=colour, line_width=width)
+        self.add(data, color=colour, line_width=self._thin * width)
         return data
 
     def contour(self, points: Points, colour: str | None = None) -> Any:

@@ -14,7 +14,7 @@ from needlefem.arrays import Floats
 from needlefem.output.driver import renderer
 from needlefem.output.style import Style
 
-GLYPH = 0.54
+GLYPH = 0.6
 """Width of a letter over the size of its text, about; titles that would not fit are shrunk."""
 LONGEST_BAR = 0.25
 """Of the scene's width, that the scale bar may have."""
@@ -105,7 +105,13 @@ class Panel:
     def _margins(self) -> None:
         """Cover what of the scene would show in the margins."""
         wide, high = self.wide, self.high
-        strips = [[0.0, 0.0, wide, self._bottom], [0.0, high - self._top, wide, high]]
+        gap = 0.3 * self.text
+        strips = [
+            [0.0, 0.0, wide, self._bottom],
+            [0.0, high - self._top, wide, high],
+            [0.0, 0.0, gap, high],
+            [wide - gap, 0.0, wide, high],
+        ]
         if self._right:
             strips.append([wide - self._right, 0.0, wide, high])
         colour = renderer().Color(self.style.background).float_rgb

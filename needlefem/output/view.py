@@ -136,6 +136,7 @@ class View:
         self.panel.line(title, 0)
         if look.note:
             self.panel.note(look.note)
+        self.show(film.undeformed())
 
     def _draw_path(self) -> Any:
         """Draw the whole path as a line that lies at the entry until it is cut."""

@@ -1,0 +1,27 @@
+"""``needlefem figures``."""
+
+import argparse
+from pathlib import Path
+
+from needlefem.casefile.load import load_case
+from needlefem.cli.common import say, say_json
+from needlefem.output.driver import renderer
+from needlefem.output.figures.page import draw_figures
+
+
+def main(options: argparse.Namespace) -> int:
+    """Draw the paper's figures of a case and write their page; return the exit status."""
+    renderer()  # before anything is simulated
+    scene = load_case(options.case, options.overrides)
+    page = Path(options.out) / "figures.md"
+    figures = draw_figures(scene, page, Path(options.out) / "pictures")
+    if options.json:
+        rows = [
+            {"figure": f.number, "quantity": name, "paper": paper, "here": here}
+            for f in figures
+            for name, paper, here in f.rows
+        ]
+        say_json({"case": scene.title, "page": str(page), "rows": rows})
+    else:
+        say(f"wrote {page} with {len(figures)} figures")
+    return 0
