@@ -109,7 +109,10 @@ class Canvas:
         edge = mesh.facets[:, mesh.boundary_facets()].T
         lines = np.column_stack([np.full(len(edge), 2), edge]).ravel()
         data = self._pv.PolyData(self.screen(points, SKIN_LAYER), lines=lines)
-        self.add(data, color=self.style.outline, line_width=self._thin * self.style.outline_width)
+        width = self._thin * self.style.outline_width
+        self.add(data, color=self.style.outline, line_width=width)
+        # where edges meet a pixel may stay open: points close it
+        self.add(data, color=self.style.outline, style="points", point_size=width)
         return data
 
     def polyline(
