@@ -11,8 +11,8 @@ PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
     ["arrays", "errors", "table"],
     ["units", "knobs"],
-    ["contour", "foreign"],
-    ["materials", "elements"],
+    ["contour", "foreign", "frame"],
+    ["materials", "elements", "image"],
     ["scene"],
     ["resolve"],
     ["fem"],
@@ -71,7 +71,8 @@ def test_modules_are_not_full(path: Path) -> None:
 def test_import_is_light() -> None:
     code = (
         "import sys, needlefem\n"
-        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'numpy', 'skfem'}\n"
+        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'numpy', 'skfem',\n"
+        "         'SimpleITK'}\n"
         "print(sorted(heavy & {name.split('.')[0] for name in sys.modules}))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -83,7 +84,7 @@ def test_planning_imports_no_pictures() -> None:
         "import sys, needlefem\n"
         "needlefem.plan, needlefem.load_case, needlefem.simulate\n"
         "import needlefem.cli.plan\n"
-        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'rich'}\n"
+        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'rich', 'SimpleITK'}\n"
         "print(sorted(heavy & {name.split('.')[0] for name in sys.modules}))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -4,6 +4,7 @@ import dataclasses
 import typing
 from typing import Any
 
+from needlefem.frame import Frame, Voxels
 from needlefem.knobs import Knob, knob_of
 from needlefem.materials import LAWS
 from needlefem.scene import (
@@ -35,6 +36,8 @@ TABLES: dict[str, type] = {
     "`[planning]`": Planning,
     "`[targets]`": TargetDraw,
     "`[outputs]`": Outputs,
+    "`[frame]`": Frame,
+    "`[frame.voxels]`": Voxels,
 }
 
 

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.expectations import read_expectation
+from needlefem.casefile.openkeys import refuse_open
 from needlefem.casefile.reader import DIMENSIONS, Reader
 from needlefem.casefile.tables import Table, refuse_unknown, required, table, tables
 from needlefem.errors import CaseError, nearest
+from needlefem.frame import Frame
 from needlefem.scene import (
     Discretisation,
     Needle,
@@ -24,6 +26,7 @@ SCHEMA_VERSION = 1
 SECTIONS = (
     "schema_version", "title", "axes", "mesh", "tissue", "materials", "regions", "supports",
     "discretisation", "needle", "motion", "target", "planning", "targets", "outputs", "expect",
+    "frame",
 )  # fmt: skip
 
 
@@ -82,6 +85,7 @@ def _override(data: dict[str, Any], key: str, text: str) -> Any:
 def read_scene(data: Table, folder: Path) -> Scene:
     """Return the scene of a parsed case whose files are in `folder`."""
     refuse_unknown(data, SECTIONS, "")
+    refuse_open(data)
     version = required(data, "schema_version", "")
     if version != SCHEMA_VERSION:
         raise CaseError("schema_version", f"{version!r} is not known", f"write {SCHEMA_VERSION}")
@@ -118,6 +122,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
         targets=reader.fill(TargetDraw, data["targets"], "targets") if "targets" in data else None,
         outputs=reader.fill(Outputs, data.get("outputs", {}), "outputs"),
         expect=tuple(read_expectation(item, i) for i, item in enumerate(data.get("expect", ()))),
+        frame=reader.fill(Frame, data["frame"], "frame") if "frame" in data else None,
     )
     _check_names(scene)
     return scene

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.contour import Contour
+from needlefem.frame import Frame
 from needlefem.knobs import knob
 from needlefem.materials import Material
 from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
@@ -236,6 +237,7 @@ class Scene:
     targets: TargetDraw | None = None
     outputs: Outputs = Outputs()
     expect: tuple[Expectation, ...] = ()
+    frame: Frame | None = None
     source: Path | None = None
     overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
