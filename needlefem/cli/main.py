@@ -1,4 +1,4 @@
-"""``needlefem run|plan|modes|verify|study|bench``: arguments, dispatch, exit statuses.
+"""``needlefem new|run|plan|modes|verify|study|bench|info``: arguments, dispatch, exit statuses.
 
 0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
 4 no renderer.
@@ -11,15 +11,18 @@ import traceback
 from collections.abc import Sequence
 from importlib import import_module
 
+from needlefem.cli import newoptions
 from needlefem.errors import NeedlefemError
 
 COMMANDS = {
+    "new": "begin a case from contours, a label map or a mesh",
     "run": "push the needle of a case in and report what happens",
     "plan": "find the release point that ends on the case's target",
     "modes": "find how the tissue of a case vibrates",
     "verify": "run the reference problems",
     "study": "measure what the answers of a case depend on",
     "bench": "measure what they cost",
+    "info": "say what is installed, for bug reports",
 }
 
 
@@ -132,13 +135,19 @@ def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="write JSON and charts there")
 
 
+def _info(parser: argparse.ArgumentParser) -> None:
+    """``needlefem info`` has no options of its own."""
+
+
 _OPTIONS = {
+    "new": newoptions.add,
     "run": _run,
     "plan": _plan,
     "modes": _modes,
     "verify": _verify,
     "study": _study,
     "bench": _bench,
+    "info": _info,
 }
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from needlefem.output.records import (
     released_record,
     seed_record,
 )
+from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.planning.plan import checked
 
 GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
@@ -43,7 +44,7 @@ def main(options: argparse.Namespace) -> int:
                 watch(state)
         insertion = course.result(tuple(kept))
     record = {"case": scene.title, "overrides": scene.overrides} | insertion_record(insertion)
-    record |= _measures(simulation, insertion)
+    record = with_scanner(record | _measures(simulation, insertion), scene)
     expected = compare(scene.expect, record, "run", scene.axes)
     record["expect"] = None if expected is None else expected.record()
     if options.json:
@@ -107,6 +108,8 @@ def _summary(record: dict[str, Any], title: str) -> None:
         say(f"  {event['kind']}{name} {at}, energy {event['energy']:.3g} J/m")
     for seed in record["seeds"]:
         say(_seed_line(seed))
+    for line in scanner_lines(record["scanner"]):
+        say(line)
     force = record["tip_force"][-1] + record["shaft_force"][-1]
     say(f"  force {force:.4g} N/m, of which the tip {record['tip_force'][-1]:.4g} N/m")
     energy = record["energy"]
