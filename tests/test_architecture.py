@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
-    ["arrays", "errors", "table"],
+    ["arrays", "errors", "table", "shown"],
     ["units", "knobs"],
     ["contour", "foreign", "frame"],
     ["materials", "elements", "image"],

@@ -100,7 +100,7 @@ def case_text(draft: Draft) -> str:
 def _head(draft: Draft) -> str:
     lines = [
         f"# Begun by needlefem new from {draft.file}.",
-        f"# What it does not say is {quoted(OPEN)}: needlefem names the keys and what belongs there.",
+        f"# What it does not say is {quoted(OPEN)}: needlefem names each, and what belongs there.",
         *(f"# {sentence}" for sentence in draft.remarks),
         "",
         "schema_version = 1",
