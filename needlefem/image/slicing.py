@@ -73,7 +73,7 @@ class Outlines:
     contours : list of Contour
         One for every part, the largest first; holes are filled.
     dropped : int
-        Islands too small for a contour.
+        Islands too small for a contour, or lost in the filter.
     holes : int
         Holes that were filled.
     """
@@ -91,18 +91,21 @@ def outlines(labelmap: LabelMap, segment: Segment, frame: Frame) -> Outlines:
     that encloses the volume of its voxels, so that the filter does not shrink it. Corners are as
     far apart as voxels at their finest.
     """
-    smooth, level, start = _smoothed(labelmap, segment)
+    part, smooth, level, start = _smoothed(labelmap, segment)
     y, z = _ticks(labelmap.voxels, smooth.shape, start, frame)
     if not len(y) or not len(z):
         return Outlines([], 0, 0)
     places = np.stack(np.meshgrid(y, z), axis=-1)
     numbers = labelmap.voxels.numbers(frame.to_scanner(places.reshape(-1, 2))) - start
-    sampled = ndimage.map_coordinates(smooth, numbers[:, ::-1].T, order=1)
-    return _rings(y, z, sampled.reshape(places.shape[:2]), level, min(labelmap.voxels.spacing))
+    shape, at = places.shape[:2], numbers[:, ::-1].T
+    sampled = ndimage.map_coordinates(smooth, at, order=1).reshape(shape)
+    contours, holes = _rings(y, z, sampled, level, min(labelmap.voxels.spacing))
+    islands = ndimage.label(ndimage.map_coordinates(part, at, order=0).reshape(shape) > 0.5)[1]
+    return Outlines(contours, max(islands - len(contours), 0), holes)
 
 
-def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, float, Floats]:
-    """Return a segment smoothed, its edge's level, and the (i, j, k) of the array's first voxel."""
+def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, Floats, float, Floats]:
+    """Return a segment, the same smoothed, its edge's level, and its first voxel's (i, j, k)."""
     mask = labelmap.mask(segment)
     box = ndimage.find_objects(mask.astype(np.int8))[0]
     sides = np.array(labelmap.voxels.spacing)[::-1]
@@ -115,7 +118,7 @@ def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, float, Floa
     ordered = np.sort(smooth, axis=None)[::-1]
     level = 0.5 * float(ordered[inside - 1] + ordered[inside])
     start = np.array([edge.start for edge in box[::-1]], dtype=float) - margin[::-1]
-    return smooth, level, start
+    return part, smooth, level, start
 
 
 def _ticks(
@@ -135,21 +138,22 @@ def _ticks(
     return ticks[0], ticks[1]
 
 
-def _rings(y: Floats, z: Floats, values: Floats, level: float, spacing: float) -> Outlines:
+def _rings(
+    y: Floats, z: Floats, values: Floats, level: float, spacing: float
+) -> tuple[list[Contour], int]:
+    """Return the closed lines of a level, the largest first, and how many holes they fill."""
     from contourpy import contour_generator  # noqa: PLC0415  (only a label map needs it)
 
     lines = contour_generator(y, z, values, fill_type="OuterOffset")
     found: Any = lines.filled(level, float(values.max()) + 1.0)
-    contours, dropped, holes = [], 0, 0
+    contours, holes = [], 0
     for polygon, offset in zip(*found, strict=True):
         outer = np.asarray(polygon[: offset[1]], dtype=float)
         holes += len(offset) - 2
-        if Contour(outer).area < LEAST * spacing**2:
-            dropped += 1
-            continue
-        contours.append(Contour(evenly(outer, spacing)))
+        if Contour(outer).area >= LEAST * spacing**2:
+            contours.append(Contour(evenly(outer, spacing)))
     contours.sort(key=lambda contour: -contour.area)
-    return Outlines(contours, dropped, holes)
+    return contours, holes
 
 
 def evenly(points: Points, spacing: float) -> Points:
