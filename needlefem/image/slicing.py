@@ -99,9 +99,11 @@ def outlines(labelmap: LabelMap, segment: Segment, frame: Frame) -> Outlines:
     numbers = labelmap.voxels.numbers(frame.to_scanner(places.reshape(-1, 2))) - start
     shape, at = places.shape[:2], numbers[:, ::-1].T
     sampled = ndimage.map_coordinates(smooth, at, order=1).reshape(shape)
-    contours, holes = _rings(y, z, sampled, level, min(labelmap.voxels.spacing))
-    islands = ndimage.label(ndimage.map_coordinates(part, at, order=0).reshape(shape) > 0.5)[1]
-    return Outlines(contours, max(islands - len(contours), 0), holes)
+    contours, small, holes = _rings(y, z, sampled, level, min(labelmap.voxels.spacing))
+    bodies = ndimage.label(part, np.ones((3, 3, 3)))[0]
+    met = ndimage.map_coordinates(bodies, at, order=0).reshape(shape)
+    lost = np.setdiff1d(met, met[sampled > level])
+    return Outlines(contours, small + np.count_nonzero(lost), holes)
 
 
 def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, Floats, float, Floats]:
@@ -140,20 +142,22 @@ def _ticks(
 
 def _rings(
     y: Floats, z: Floats, values: Floats, level: float, spacing: float
-) -> tuple[list[Contour], int]:
-    """Return the closed lines of a level, the largest first, and how many holes they fill."""
+) -> tuple[list[Contour], int, int]:
+    """Return lines around a level, the largest first, how many are too small, and the holes."""
     from contourpy import contour_generator  # noqa: PLC0415  (only a label map needs it)
 
     lines = contour_generator(y, z, values, fill_type="OuterOffset")
     found: Any = lines.filled(level, float(values.max()) + 1.0)
-    contours, holes = [], 0
+    contours, small, holes = [], 0, 0
     for polygon, offset in zip(*found, strict=True):
         outer = np.asarray(polygon[: offset[1]], dtype=float)
         holes += len(offset) - 2
-        if Contour(outer).area >= LEAST * spacing**2:
+        if Contour(outer).area < LEAST * spacing**2:
+            small += 1
+        else:
             contours.append(Contour(evenly(outer, spacing)))
     contours.sort(key=lambda contour: -contour.area)
-    return contours, holes
+    return contours, small, holes
 
 
 def evenly(points: Points, spacing: float) -> Points:
