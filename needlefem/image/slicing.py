@@ -103,7 +103,7 @@ def outlines(labelmap: LabelMap, segment: Segment, frame: Frame) -> Outlines:
     bodies = ndimage.label(part, np.ones((3, 3, 3)))[0]
     met = ndimage.map_coordinates(bodies, at, order=0).reshape(shape)
     lost = np.setdiff1d(met, met[sampled > level])
-    return Outlines(contours, small + np.count_nonzero(lost), holes)
+    return Outlines(contours, small + int(np.count_nonzero(lost)), holes)
 
 
 def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, Floats, float, Floats]:

@@ -58,8 +58,9 @@ def point_of(text: str, dim: int, key: str) -> Vector:
     *first, last = text.split(",")
     _, _, unit = last.strip().partition(" ")
     example = ", ".join("12.5" for _ in range(dim))
-    if len(first) + 1 != dim:
-        raise CaseError(key, f"'{text}' is no point", f"write {dim} numbers: '{example} mm'")
+    if len(first) + 1 != dim or not unit:
+        problem = f"'{text}' is no point" if unit else f"'{text}' has no unit"
+        raise CaseError(key, problem, f"write {dim} numbers and a unit: '{example} mm'")
     return np.array([parse_quantity(f"{n.strip()} {unit}", "length", key) for n in first] + [
         parse_quantity(last.strip(), "length", key)])  # fmt: skip
 
