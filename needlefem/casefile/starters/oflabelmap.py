@@ -128,9 +128,11 @@ def _regions(
         if not cut.contours:
             remarks.append(f"The plane does not meet {segment.name}.")
         if cut.dropped:
-            remarks.append(f"{cut.dropped} islands of {segment.name} are too small to keep.")
+            remarks.append(f"Islands of {segment.name} too small to keep: {cut.dropped}.")
         if cut.holes:
-            remarks.append(f"{cut.holes} holes in {segment.name} are filled.")
+            remarks.append(
+                f"Holes in {segment.name}, filled unless a later region is there: {cut.holes}."
+            )
         for number, contour in enumerate(cut.contours, 1):
             found[segment.name if number == 1 else f"{segment.name} {number}"] = contour
     if not found:
