@@ -14,6 +14,7 @@ FLOORS = [
     ["contour", "foreign"],
     ["materials", "elements"],
     ["scene"],
+    ["regime"],
     ["resolve"],
     ["fem"],
     ["needle", "dynamics"],

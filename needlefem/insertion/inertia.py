@@ -11,11 +11,20 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats
-from needlefem.dynamics import EnergyLedger, Motion, TissueSystem
+from needlefem.dynamics import (
+    Damping,
+    EnergyLedger,
+    GeneralizedAlpha,
+    Motion,
+    Newmark,
+    TissueSystem,
+)
 from needlefem.dynamics.steppers import ImplicitStepper, Weights
 from needlefem.errors import CaseError, SimulationError
+from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.insertion.media import responses_of
+from needlefem.scene import Rayleigh, Scene
 
 RINGS = 1.0 - 1e-9
 """Spectral radius from which on motion under a bound displacement does not come to rest."""
@@ -143,3 +152,34 @@ class DynamicMedium:
     def energies(self) -> dict[str, float]:
         """See `Medium`."""
         return dict(self._energies)
+
+
+def dynamic_medium(scene: Scene, model: Model) -> DynamicMedium:
+    """Return the tissue of a resolved scene, in time as its discretisation says.
+
+    Raises
+    ------
+    CaseError
+        Damping is said twice or by halves, the mass can't be lumped so, the tissue has none.
+    """
+    numbers = scene.discretisation
+    lumping = None if numbers.mass == "consistent" else numbers.mass
+    system = TissueSystem(model, damping_of(scene.damping), lumping)
+    gamma = numbers.newmark_gamma
+    newmark = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)
+    alpha = GeneralizedAlpha(rho_inf=numbers.rho_inf)
+    return DynamicMedium(system, newmark if numbers.integrator == "newmark" else alpha)
+
+
+def damping_of(said: Rayleigh) -> Damping:
+    """Return the damping that a case asks for."""
+    pairs = (said.frequencies, said.ratios)
+    if not any(pairs):
+        return Damping(mass_rate=said.mass_rate, stiffness_time=said.stiffness_time)
+    if said.mass_rate or said.stiffness_time:
+        raise CaseError("damping.frequencies", "mass_rate or stiffness_time as well", "keep one")
+    if len(pairs[0]) != 2 or len(pairs[1]) != 2:
+        problem = f"{len(pairs[0])} frequencies and {len(pairs[1])} ratios"
+        raise CaseError("damping.frequencies", problem, "give two of both")
+    first, second = said.frequencies
+    return Damping.from_ratios((first, second), (said.ratios[0], said.ratios[1]))
