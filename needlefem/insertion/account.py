@@ -78,6 +78,7 @@ class Account:
         stick = self.give * (_stick(new, self.pieces) - _stick(old, self.pieces))
         hold, friction = hold + stick, friction - stick
         capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
+        capture += 0.5 * (sides[1].let_go() - sides[0].let_go())
         strain = _strain(new) - _strain(old)
         self.mismatch = max(
             self.mismatch, abs(work - strain - friction - sum(parts) - hold - capture)
@@ -85,7 +86,9 @@ class Account:
         self.work += work
         self.turnover += abs(work)
         self.strain += strain
-        if self.inertial and not self.give:
+        if self.inertial and new.way is Way.OUT:  # the needle lets go of its last piece
+            parts, friction = (*parts[:2], parts[2] + friction), 0.0
+        elif self.inertial and not self.give:
             caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
             friction, capture = friction - caught, capture + caught
         self.hold += hold
@@ -145,7 +148,7 @@ class _Side:
         self.elsewhere: Floats = np.concatenate(elsewhere)
         """Displacement of the own pieces in the other field, shape (npieces, dim), m."""
         tip = Weights(own.tip_nodes, own.tip_weights[None])
-        self.tip_elsewhere = float(other.means(tip)[0, 0])
+        self.tip_elsewhere: Floats = other.means(tip)[0]
 
     def friction(self, travel: float, sign: int) -> Floats:
         """Return friction times slip, of every piece."""
@@ -160,7 +163,11 @@ class _Side:
         return float(np.sum(self.friction(travel, sign)[: self.common][sticks]))
 
     def tip(self, travel: float, sign: int) -> float:
-        return travel - sign * (self.tip_elsewhere - self.own.tip_moved)
+        return travel - sign * (float(self.tip_elsewhere[0]) - self.own.tip_moved)
+
+    def let_go(self) -> float:
+        """Return lateral force times way of a tip that holds the skin at its own end only."""
+        return float(self.own.tip_lateral @ self.tip_elsewhere[1:])
 
     def caught(self, pieces: Sequence[Piece]) -> float:
         """Lateral force times gap in the other field, of pieces that the other end lacks."""

@@ -170,17 +170,17 @@ class Stepping:
         time, released = tick.time_at(depth, start), self.account.snap
         while True:
             equations, track = self._equations(), self.track
-            high = goal(equations)
+            high, low = goal(equations), None
             step = run_ahead(equations, high, depth)
             while self.medium.inertial and step.excess > 0.0:
-                high += self.instrument.spacing  # what is let loose moves the tissue: one step
+                low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
                 step = run_ahead(equations, high, depth)
             if step.excess <= 0.0:
                 break
             yield self._accept(
                 Moment(Way.JUMPING, track.length, depth, step), time, finish=timeless
             )
-        landing = land(equations, high, depth)
+        landing = land(equations, high, depth, low)
         yield self._accept(Moment(Way.CUTTING, track.length, depth, landing), time)
         self.snaps.append(Snap(depth, first, self._count))
         self.chronicle.happens("snap", self.account.snap - released, self.state)
