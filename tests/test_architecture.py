@@ -14,6 +14,7 @@ FLOORS = [
     ["contour", "foreign", "frame"],
     ["materials", "elements", "image"],
     ["scene"],
+    ["regime"],
     ["resolve"],
     ["fem"],
     ["needle", "dynamics"],

@@ -12,8 +12,12 @@ from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Stag
 DEPTH, CUTTING, FRICTION, MODULUS = 0.03, 50.0, 10e3, 30e3
 """Depth, m; cutting force, N/m; friction, Pa; Young's modulus, Pa."""
 STIFFER = (8, 64, 512)
-PLACES = {"along a mesh line": 0.027, "through cells": 0.0287}
-"""Where the needle enters, m."""
+PLACES = {
+    "along a mesh line": (0.027, (0.0, 1.0)),
+    "through cells": (0.0287, (0.0, 1.0)),
+    "through vertices, obliquely": (0.018, (5.0**-0.5, 2.0 * 5.0**-0.5)),
+}
+"""Where the needle enters, m, and its direction."""
 
 
 def layer(element: str, entry: float = 0.0287) -> Scene:
@@ -106,8 +110,8 @@ def rigid_limit(element: str) -> tuple[list[Answer], list[Curve]]:
 def places(element: str) -> list[Answer]:
     """Compare forces on a mesh line, through cells, and a billionth of a cell beside."""
     answers = []
-    for name, entry in PLACES.items():
-        paths = [_forces(element, entry + 1e-9 * 0.003 * side) for side in (0, -1, 1)]
+    for name, (entry, direction) in PLACES.items():
+        paths = [_forces(element, entry + 1e-9 * 0.003 * side, direction) for side in (0, -1, 1)]
         same = all(len(path) == len(paths[0]) for path in paths)
         value = (
             np.max(np.abs(np.array(paths[1:]) - paths[0])) / np.max(paths[0]) if same else np.inf
@@ -117,8 +121,9 @@ def places(element: str) -> list[Answer]:
     return answers
 
 
-def _forces(element: str, entry: float) -> np.ndarray:
-    return np.array([state.force for state in simulate(layer(element, entry)).states])
+def _forces(element: str, entry: float, direction: tuple[float, float]) -> np.ndarray:
+    found = simulate(vary(layer(element, entry), {"motion.direction": direction}))
+    return np.array([state.force for state in found.states])
 
 
 def run(quick: bool) -> Findings:

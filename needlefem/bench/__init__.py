@@ -11,6 +11,7 @@ Benchmark = Callable[[str], Table]
 
 BENCHMARKS = {
     "plan": "stages of a plan in milliseconds and in back-substitutions of its own model",
+    "stepping": "a state of a needle in motion, in milliseconds and in back-substitutions",
     "tissue": "a time step of the tissue beside its bare products and its back-substitution",
     "solvers": "orders of the factorisation, for definite and for mixed elements",
     "elements": "error against seconds of elements in the reference problems",

@@ -17,6 +17,7 @@ from needlefem.scene import (
     Needle,
     Outputs,
     Planning,
+    Rayleigh,
     Scene,
     Support,
     TargetDraw,
@@ -25,8 +26,8 @@ from needlefem.scene import (
 SCHEMA_VERSION = 1
 SECTIONS = (
     "schema_version", "title", "axes", "mesh", "tissue", "materials", "regions", "supports",
-    "discretisation", "needle", "motion", "target", "planning", "targets", "outputs", "expect",
-    "frame",
+    "damping", "discretisation", "needle", "motion", "target", "planning", "targets", "outputs",
+    "expect", "frame",
 )  # fmt: skip
 
 
@@ -112,6 +113,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
             n: reader.fill(Support, t, f"supports.{n}") for n, t in tables(data, "supports").items()
         },
         plane=plane,
+        damping=reader.fill(Rayleigh, data.get("damping", {}), "damping"),
         discretisation=reader.fill(
             Discretisation, data.get("discretisation", {}), "discretisation"
         ),

@@ -113,7 +113,10 @@ def _summary(record: dict[str, Any], title: str) -> None:
     force = record["tip_force"][-1] + record["shaft_force"][-1]
     say(f"  force {force:.4g} N/m, of which the tip {record['tip_force'][-1]:.4g} N/m")
     energy = record["energy"]
-    terms = ("strain", "friction", "cutting", "snap", "hold", "capture", "contact", "relaxation")
+    terms = (
+        "strain", "kinetic", "friction", "cutting", "snap", "hold", "capture", "contact",
+        "relaxation", "damping", "algorithmic",
+    )  # fmt: skip
     spent = ", ".join(
         f"{t} {energy[t]:.4g}" for t in terms if abs(energy[t]) > 1e-9 * abs(energy["work"])
     )

@@ -5,6 +5,7 @@ point stops slipping, the needle rests or turns back) stepping takes over, from 
 """
 
 import dataclasses
+import itertools
 from collections import deque
 from collections.abc import Iterator, Sequence
 
@@ -67,9 +68,7 @@ class Course:
         """Yield the states one by one; stop early by not asking for more."""
         if self.scene.discretisation.integrator == "march" and self._legs[0].end > 0.0:
             yield from self._marched()
-            assert self.march is not None
-            whole = self.march.outcome.status is Status.COMPLETED
-            if len(self._legs) == 1 and (whole or self.march.outcome.status in FINAL):
+            if self._alone and self.march is not None and self.march.outcome.status in FINAL:
                 return
         yield from self._stepped()
 
@@ -103,13 +102,21 @@ class Course:
             self.stepping.chronicle.events.clear()
         return list(found)
 
+    @property
+    def _alone(self) -> bool:
+        """Whether the motion is one push and no more."""
+        return len(self._legs) == 1 and self._legs[0].release is None
+
     def _marched(self) -> Iterator[State]:
         first, speed = self._legs[0], self._legs[0].end / self._legs[0].duration
         assert isinstance(self.medium, ElasticMedium)
-        alone = len(self._legs) == 1
-        march = March(self.instrument, self.medium.responses, first.end, within=not alone)
+        march = March(self.instrument, self.medium.responses, first.end, within=not self._alone)
+        states = march.iterate()
+        head = [] if self._alone else list(itertools.islice(states, 3))
+        if not self._alone and march.outcome.status is Status.NOT_PUNCTURED:
+            return  # what only presses is stepped from the start
         self.march = march
-        for state in march.iterate():
+        for state in itertools.chain(head, states):
             yield dataclasses.replace(state, time=state.depth / speed)
 
     def _stepped(self) -> Iterator[State]:
@@ -173,8 +180,13 @@ class Course:
         return Event(kind, state.depth / speed, state.depth, state.tip, energy)
 
 
-FINAL = (Status.NOT_PUNCTURED, Status.NOT_CONVERGED, Status.LEFT_TISSUE)
-"""What a march can end with that stepping would not mend."""
+FINAL = (
+    Status.COMPLETED,
+    Status.NOT_PUNCTURED,
+    Status.NOT_CONVERGED,
+    Status.LEFT_TISSUE,
+)
+"""What a push can end with that stepping would not go on from."""
 
 
 def friction_of(scene: Scene) -> Friction:

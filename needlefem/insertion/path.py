@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points, Vector
+from needlefem.arrays import Floats, Ints, Points, Vector
 from needlefem.insertion.result import Insertion
 
 
@@ -58,6 +58,16 @@ class Piece:
         return _invert(self.length, values, sought, first)
 
 
+def _cutting(insertion: Insertion) -> Ints:
+    """Return the numbers of the states in which the tip is further in the material than before."""
+    tips, first = insertion.tips, insertion.first_cut
+    if first is None:
+        return np.arange(min(1, len(tips)))
+    deepest = int(np.argmax(insertion.depths))
+    ahead = np.linalg.norm(np.diff(tips[first : deepest + 1], axis=0), axis=1) > 0.0
+    return first + np.concatenate([[0], 1 + np.flatnonzero(ahead)]).astype(np.intp)
+
+
 def _stencil(nodes: Floats, first: int) -> slice:
     begin = min(max(first - 1, 0), max(len(nodes) - 4, 0))
     return slice(begin, begin + 4)
@@ -105,11 +115,13 @@ class Path:
         self.axis = insertion.axis
         self.puncture_depth = insertion.puncture_depth
         self.entry: Vector = insertion.tips[0]
-        tips, depths = insertion.tips[1:], insertion.depths[1:]
+        kept = _cutting(insertion)
+        tips, depths = insertion.tips[kept], insertion.depths[kept]
         steps = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         length = np.concatenate([[0.0], np.cumsum(steps)])
-        ends = [0, *(snap.last - 1 for snap in insertion.snaps)]
-        stops = [*(snap.first for snap in insertion.snaps), len(tips)]
+        snaps = [np.searchsorted(kept, [snap.first, snap.last]) for snap in insertion.snaps]
+        ends = [0, *(last for _, last in snaps)]
+        stops = [*(first + 1 for first, _ in snaps), len(tips)]
         self.pieces = [
             Piece(length[a:b], depths[a:b], tips[a:b])
             for a, b in zip(ends, stops, strict=True)

@@ -37,7 +37,8 @@ def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, S
     last, travel = equations.track.length, depth - equations.depth
     longest = 0.25 * equations.instrument.spacing
     near, far, before = start, np.nan, None
-    arc = min(max(start + min(max(travel, -longest), longest), 0.0), last)
+    pace = equations.track.pace * travel
+    arc = min(max(start + min(max(pace, -longest), longest), 0.0), last)
     ahead = travel > 0.0
     if start <= 0.0 or not travel or equations.contact.background is not None:
         arc = start  # out, or the tissue moves by itself: it says which way to look
@@ -46,11 +47,17 @@ def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, S
         solution = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
         gap = solution.gap
         if abs(gap) <= TOLERANCE or (gap > 0.0 and arc <= 0.0):
+            if travel and arc != start:
+                equations.track.pace = (arc - start) / travel
             return arc, solution
         if gap < 0.0 and arc >= last:
             return None
         near, far = (arc, far) if (gap < 0.0) is ahead else (near, arc)
-        slope = 1.0 if before is None else (gap - before[1]) / (arc - before[0])
+        slope = equations.track.slope
+        if before is not None and arc != before[0]:
+            slope = (gap - before[1]) / (arc - before[0])
+        if slope > 0.0:
+            equations.track.slope = slope
         wanted = arc - gap / slope if slope > 0.0 else np.nan
         before = (arc, gap)
         if np.isnan(far):

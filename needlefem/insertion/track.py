@@ -24,6 +24,8 @@ class Track:
         """Friction force on every piece, the growing one included."""
         self.slipped: Floats = np.full(2, np.inf)
         """Slip of every piece since it last stuck, m; without end for freshly cut ones."""
+        self.pace = self.slope = 1.0
+        """Advance on the path per depth, and gap per advance, when the tip was last drawn back."""
 
     @property
     def count(self) -> int:

@@ -10,7 +10,7 @@ S. J. Wright 2006, section 16.5).
 """
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from needlefem.arrays import Bools, Floats
 from needlefem.errors import SimulationError
@@ -44,14 +44,13 @@ class _Problem:
         step, where = np.zeros_like(gradient), np.flatnonzero(free)
         if where.size:
             part = self.matrix[where[:, None], where]
-            try:
-                factor = cho_factor(part, lower=True, overwrite_a=True, check_finite=False)
-            except LinAlgError:
+            _, found, trouble = dposv(part, -gradient[where], lower=1, overwrite_a=1)
+            if trouble:
                 raise SimulationError(
                     "the tissue can't tell apart what sticks: the path's pieces are too short for "
                     "the mesh; lengthen discretisation.path_spacing or give needle.stick_stiffness"
-                ) from None
-            step[where] = -cho_solve(factor, gradient[where], check_finite=False)
+                )
+            step[where] = found
         return step
 
     def descend(self, z: Floats, gradient: Floats, step: Floats) -> Floats:

@@ -102,6 +102,23 @@ def test_the_tip_cuts_only_forward_and_returns_to_its_front(organ: Scene) -> Non
     assert found.tips[-1] == pytest.approx(straight.tips[-1], abs=1e-9)
 
 
+def test_one_push_may_release_at_its_end(organ: Scene) -> None:
+    found = moving(organ, Stage(to=0.02, release="seed"))
+    assert kinds(found) == ["puncture", "release"]
+    assert found.states[-1].depth == 0.02
+    assert found.seeds[0].point == pytest.approx(found.states[-1].tip)
+
+
+def test_skin_that_is_only_pressed_springs_back(organ: Scene) -> None:
+    found = moving(organ, Stage(to=1e-3, release="seed"), Stage(to=0.0))
+    assert found.outcome.status is Status.COMPLETED
+    assert kinds(found) == ["release"]
+    assert not found.seeds[0].inside
+    assert np.all(np.diff([state.time for state in found.states]) >= 0.0)
+    assert found.states[-1].force == pytest.approx(0.0, abs=1e-9)
+    assert ledger(found).residual < 1e-12
+
+
 def test_a_hold_changes_nothing_in_elastic_tissue(organ: Scene) -> None:
     found = moving(organ, Stage(to=0.02), Stage(hold=5.0))
     first, last = found.states[at(found, 0.02)], found.states[-1]

@@ -3,6 +3,7 @@ import pytest
 
 from needlefem.errors import CaseError, CheckFailedError
 from needlefem.insertion.simulation import Simulation
+from needlefem.materials import Viscoelastic
 from needlefem.planning.plan import checked, plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import PlanStatus
@@ -101,3 +102,28 @@ def test_oblique_needle(organ: Scene) -> None:
     found = plan(vary(organ, {"motion.direction": (0.28, 0.96)}))
     assert found.status is PlanStatus.PLANNED
     assert found.best.placement_error <= 1e-8
+
+
+def test_a_plan_by_steps_is_that_of_the_march(organ: Scene) -> None:
+    marched = plan(organ)
+    stepped = plan(vary(organ, {"discretisation.integrator": "quasi-static"}))
+    assert stepped.status == marched.status
+    assert stepped.best is not None
+    assert marched.best is not None
+    assert stepped.best.release_point == pytest.approx(marched.best.release_point, abs=1e-6)
+
+
+def test_viscoelastic_tissue_is_planned_in_time(organ: Scene) -> None:
+    laws = {
+        name: Viscoelastic(
+            youngs_modulus=law.youngs_modulus, poissons_ratio=0.45, shares=(0.3,), times=(1.0,)
+        )
+        for name, law in organ.materials.items()
+    }
+    found = plan(vary(organ, {"materials": laws, "discretisation.time_step": 0.16}))
+    elastic = plan(organ)
+    assert found.best is not None
+    assert elastic.best is not None
+    assert found.best.placement_error < 1e-8
+    apart = np.linalg.norm(found.best.release_point - elastic.best.release_point)
+    assert 1e-5 < apart < 1e-3  # stiffer while it is pushed: less deep
