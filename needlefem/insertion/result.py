@@ -14,6 +14,7 @@ from needlefem.needle.axis import Axis
 from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Scene
+from needlefem.shown import Shown
 
 
 class Status(StrEnum):
@@ -151,7 +152,7 @@ class Ledger:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Insertion:
+class Insertion(Shown):
     """What happened while the needle was pushed in.
 
     Parameters
