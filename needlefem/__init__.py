@@ -11,14 +11,16 @@ if TYPE_CHECKING:
     from needlefem.fem.build import build_model
     from needlefem.insertion.simulation import simulate
     from needlefem.output.render import render
+    from needlefem.output.saved import load_result
     from needlefem.planning.plan import plan
 
 __version__ = "0.1.0"
-__all__ = ["build_model", "load_case", "plan", "render", "simulate"]
+__all__ = ["build_model", "load_case", "load_result", "plan", "render", "simulate"]
 
 _HOMES = {
     "build_model": "needlefem.fem.build",
     "load_case": "needlefem.casefile.load",
+    "load_result": "needlefem.output.saved",
     "simulate": "needlefem.insertion.simulation",
     "plan": "needlefem.planning.plan",
     "render": "needlefem.output.render",

@@ -31,6 +31,12 @@ class Contour:
         """Return the contour shifted by `offset`, shape (2,), m."""
         return Contour(self.points + np.asarray(offset))
 
+    @property
+    def area(self) -> float:
+        """Area that it encloses, m^2."""
+        x, y = self.points.T
+        return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
     @cached_property
     def _edges(self) -> tuple[Points, Points]:
         return self.points, np.roll(self.points, -1, axis=0)

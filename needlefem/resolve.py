@@ -5,8 +5,9 @@ import math
 
 from needlefem.elements import ElementRow, element_row
 from needlefem.errors import CaseError
-from needlefem.materials import Material, branches_of, split
-from needlefem.scene import BoxMesh, Discretisation, FileMesh, Scene, vary
+from needlefem.materials import Material, split
+from needlefem.regime import integrator_for, needs_steps
+from needlefem.scene import DYNAMIC, BoxMesh, Discretisation, FileMesh, Scene, vary
 
 CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
 """By shape of the cells: the element that is fastest to an accuracy, the mixed one that overtakes
@@ -58,24 +59,16 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
         points = _kernel_points(scene)
         reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"
         chosen = dataclasses.replace(chosen, kernel_points=points)
-    needs = _needs_steps(scene)
-    if chosen.integrator == "auto":
-        chosen = dataclasses.replace(chosen, integrator="quasi-static" if needs else "march")
-        why = needs or "an insertion begins, in elastic tissue with one friction limit"
-        reasons["integrator"] = f"{chosen.integrator}: {why}"
-    elif chosen.integrator == "march" and needs:
+    needs = needs_steps(scene)
+    if chosen.integrator == "march" and needs:
         remedy = "write 'quasi-static' or 'auto'"
         raise CaseError("discretisation.integrator", f"'march', but {needs}", remedy)
-    return chosen
-
-
-def _needs_steps(scene: Scene) -> str:
-    """Return why a march can't even begin; empty if it can."""
-    if any(branches_of(law, scene.dim, scene.plane) for law in scene.materials.values()):
-        return "viscoelastic tissue depends on time"
-    if scene.needle.static_friction > 1.0 or scene.needle.stick_stiffness > 0.0:
-        return "friction depends on what slips"
-    return ""
+    if chosen.integrator != "auto":
+        reasons["integrator"] = f"{chosen.integrator}: asked for"
+        return chosen
+    name, why = integrator_for(scene, needs)
+    reasons["integrator"] = f"{name}: {why}"
+    return dataclasses.replace(chosen, integrator=name)
 
 
 def with_element(scene: Scene, name: str) -> Scene:
@@ -153,6 +146,8 @@ def _skips(scene: Scene) -> dict[str, str]:
     motion = scene.motion
     if scene.discretisation.integrator != "march" or motion.stages or motion.times:
         del found["time_steps"], found["retraction"]
+    if scene.discretisation.integrator in DYNAMIC:
+        del found["dynamics"], found["mass_and_damping"]
     return found
 
 

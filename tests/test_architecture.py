@@ -9,11 +9,12 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
-    ["arrays", "errors", "table"],
+    ["arrays", "errors", "table", "shown"],
     ["units", "knobs"],
-    ["contour", "foreign"],
-    ["materials", "elements"],
+    ["contour", "foreign", "frame"],
+    ["materials", "elements", "image"],
     ["scene"],
+    ["regime"],
     ["resolve"],
     ["fem"],
     ["needle", "dynamics"],
@@ -71,7 +72,8 @@ def test_modules_are_not_full(path: Path) -> None:
 def test_import_is_light() -> None:
     code = (
         "import sys, needlefem\n"
-        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'numpy', 'skfem'}\n"
+        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'numpy', 'skfem',\n"
+        "         'SimpleITK'}\n"
         "print(sorted(heavy & {name.split('.')[0] for name in sys.modules}))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -83,7 +85,7 @@ def test_planning_imports_no_pictures() -> None:
         "import sys, needlefem\n"
         "needlefem.plan, needlefem.load_case, needlefem.simulate\n"
         "import needlefem.cli.plan\n"
-        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'rich'}\n"
+        "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'rich', 'SimpleITK'}\n"
         "print(sorted(heavy & {name.split('.')[0] for name in sys.modules}))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

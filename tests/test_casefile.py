@@ -129,3 +129,12 @@ def test_vary_replaces_through_mappings_and_tables(paper_scene: Scene) -> None:
     assert varied.materials["fat"].youngs_modulus == 1.0
     assert varied.needle.tip_radius == 2.0
     assert varied.materials["prostate"] == paper_scene.materials["prostate"]
+
+
+def test_damping_is_read() -> None:
+    frequencies = 'damping.frequencies=["2 1/s", "10 1/s"]'
+    scene = load_case(PAPER_CASE, [frequencies, "damping.ratios=[0.05, 0.1]"])
+    assert scene.damping.frequencies == (2.0, 10.0)
+    assert scene.damping.ratios == (0.05, 0.1)
+    with pytest.raises(CaseError, match="damping.mass_rate: -1 is out of range"):
+        load_case(PAPER_CASE, ['damping.mass_rate="-1 1/s"'])

@@ -1,3 +1,5 @@
+import math
+
 import pytest
 
 from needlefem.elements import CATALOGUE
@@ -5,8 +7,9 @@ from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
+from needlefem.regime import damping_time, fastest, slowest_wave
 from needlefem.resolve import cell_shape, resolve, with_element
-from needlefem.scene import Scene, vary
+from needlefem.scene import Rayleigh, Scene, Stage, vary
 
 
 @pytest.mark.parametrize(
@@ -95,3 +98,37 @@ def test_incompressible_tissue_must_not_be_enclosed(gel: Scene) -> None:
 
 def test_the_paper_still_has_its_warning(paper_scene: Scene) -> None:
     assert any("P1 locks" in sentence for sentence in resolve(paper_scene).warnings)
+
+
+@pytest.mark.parametrize(
+    ("changes", "chosen", "why"),
+    [
+        ({}, "march", "0.005 m/s are slow for a shear wave of 3.2"),
+        ({"motion.speed": 0.2}, "generalised-alpha", "6.2 % of the shear wave's"),
+        ({"motion.stages": (Stage(to=0.01, speed=0.1),)}, "generalised-alpha", "inertia matters"),
+        ({"damping": Rayleigh(stiffness_time=0.1)}, "generalised-alpha", "0.1 s of 6 s"),
+        ({"damping": Rayleigh(stiffness_time=1e-3)}, "march", "one friction limit"),
+        ({"needle.static_friction": 1.5}, "quasi-static", "friction depends on what slips; 0.005"),
+        ({"materials.gel.density": 0.0, "motion.speed": 1.0}, "march", "a shear wave of inf"),
+        ({"discretisation.integrator": "newmark"}, "newmark", "asked for"),
+        ({"motion.speed": 0.2, "discretisation.integrator": "march"}, "march", "asked for"),
+    ],
+)
+def test_the_integrator_follows_from_speeds_and_times(
+    gel: Scene, changes: dict[str, object], chosen: str, why: str
+) -> None:
+    resolved = resolve(vary(gel, changes))
+    assert resolved.scene.discretisation.integrator == chosen
+    assert why in resolved.reasons["integrator"]
+    assert ("dynamics" in resolved.skipped) is (chosen in {"march", "quasi-static"})
+
+
+def test_numbers_known_beforehand(gel: Scene) -> None:
+    wave = math.sqrt(30e3 / 2.9 / 1000.0)
+    assert slowest_wave(gel) == pytest.approx(wave)
+    table = vary(gel, {"motion.times": (0.0, 1.0, 1.5), "motion.depths": (0.0, 0.01, 0.03)})
+    assert fastest(table.motion) == pytest.approx(0.04)
+    damped = vary(gel, {"damping": Rayleigh(mass_rate=7.0, stiffness_time=1e-3)})
+    assert damping_time(damped) == pytest.approx(1e-3 + 7.0 * (0.03 / (math.pi * wave)) ** 2)
+    ratios = vary(gel, {"damping": Rayleigh(frequencies=(2.0, 10.0), ratios=(0.05, 0.05))})
+    assert damping_time(ratios) == pytest.approx(0.05 / (2.0 * math.pi))

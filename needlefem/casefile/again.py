@@ -2,14 +2,14 @@
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
+from needlefem.output.saved import load_result
 from needlefem.scene import Scene
-
-FILES = ("run.json", "plan.json")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -20,12 +20,12 @@ class Again:
     ----------
     scene : Scene
         With the result's overrides.
-    record : dict
+    record : mapping
         What was written.
     """
 
     scene: Scene
-    record: dict[str, Any]
+    record: Mapping[str, Any]
 
     @property
     def planned(self) -> bool:
@@ -44,19 +44,12 @@ def read_again(path: str | Path) -> Again:
     Raises
     ------
     CaseError
-        There is no such file, or it does not say from which case it came.
+        There is no result, or it does not say from which case it came.
     """
-    path = Path(path)
-    found = [path / name for name in FILES if (path / name).is_file()] if path.is_dir() else [path]
-    if not found:
-        remedy = "give a case.toml, or a folder that run --out or plan --out wrote"
-        raise CaseError(str(path), f"neither {' nor '.join(FILES)} is there", remedy)
-    try:
-        record = json.loads(found[0].read_text(encoding="utf-8"))
-        source, overrides = record["source"], record["overrides"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    saved = load_result(path)
+    if saved.kind not in ("run", "plan") or not saved.record.get("source"):
         remedy = "write it anew with run --out or plan --out"
-        problem = f"is no result of this version ({error!r})"
-        raise CaseError(str(found[0]), problem, remedy) from None
-    assignments = [f"{key}={json.dumps(value)}" for key, value in overrides.items()]
-    return Again(load_case(source, assignments), record)
+        raise CaseError(str(path), "does not say from which case it came", remedy)
+    overrides = saved.record["overrides"].items()
+    assignments = [f"{key}={json.dumps(value)}" for key, value in overrides]
+    return Again(load_case(saved.record["source"], assignments), saved.record)

@@ -4,6 +4,7 @@ import dataclasses
 import typing
 from typing import Any
 
+from needlefem.frame import Frame, Voxels
 from needlefem.knobs import Knob, knob_of
 from needlefem.materials import LAWS
 from needlefem.scene import (
@@ -14,6 +15,7 @@ from needlefem.scene import (
     Needle,
     Outputs,
     Planning,
+    Rayleigh,
     Refinement,
     Region,
     Stage,
@@ -28,6 +30,7 @@ TABLES: dict[str, type] = {
     **{f'`[materials.NAME]` with `law = "{law}"`': cls for law, cls in LAWS.items()},
     "`[regions.NAME]`": Region,
     "`[supports.NAME]`": Support,
+    "`[damping]`": Rayleigh,
     "`[discretisation]`": Discretisation,
     "`[needle]`": Needle,
     "`[motion]`": Motion,
@@ -35,6 +38,8 @@ TABLES: dict[str, type] = {
     "`[planning]`": Planning,
     "`[targets]`": TargetDraw,
     "`[outputs]`": Outputs,
+    "`[frame]`": Frame,
+    "`[frame.voxels]`": Voxels,
 }
 
 

@@ -7,14 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.expectations import read_expectation
+from needlefem.casefile.openkeys import refuse_open
 from needlefem.casefile.reader import DIMENSIONS, Reader
 from needlefem.casefile.tables import Table, refuse_unknown, required, table, tables
 from needlefem.errors import CaseError, nearest
+from needlefem.frame import Frame
 from needlefem.scene import (
     Discretisation,
     Needle,
     Outputs,
     Planning,
+    Rayleigh,
     Scene,
     Support,
     TargetDraw,
@@ -23,7 +26,8 @@ from needlefem.scene import (
 SCHEMA_VERSION = 1
 SECTIONS = (
     "schema_version", "title", "axes", "mesh", "tissue", "materials", "regions", "supports",
-    "discretisation", "needle", "motion", "target", "planning", "targets", "outputs", "expect",
+    "damping", "discretisation", "needle", "motion", "target", "planning", "targets", "outputs",
+    "expect", "frame",
 )  # fmt: skip
 
 
@@ -82,6 +86,7 @@ def _override(data: dict[str, Any], key: str, text: str) -> Any:
 def read_scene(data: Table, folder: Path) -> Scene:
     """Return the scene of a parsed case whose files are in `folder`."""
     refuse_unknown(data, SECTIONS, "")
+    refuse_open(data)
     version = required(data, "schema_version", "")
     if version != SCHEMA_VERSION:
         raise CaseError("schema_version", f"{version!r} is not known", f"write {SCHEMA_VERSION}")
@@ -108,6 +113,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
             n: reader.fill(Support, t, f"supports.{n}") for n, t in tables(data, "supports").items()
         },
         plane=plane,
+        damping=reader.fill(Rayleigh, data.get("damping", {}), "damping"),
         discretisation=reader.fill(
             Discretisation, data.get("discretisation", {}), "discretisation"
         ),
@@ -118,6 +124,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
         targets=reader.fill(TargetDraw, data["targets"], "targets") if "targets" in data else None,
         outputs=reader.fill(Outputs, data.get("outputs", {}), "outputs"),
         expect=tuple(read_expectation(item, i) for i, item in enumerate(data.get("expect", ()))),
+        frame=reader.fill(Frame, data["frame"], "frame") if "frame" in data else None,
     )
     _check_names(scene)
     return scene

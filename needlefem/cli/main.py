@@ -11,9 +11,11 @@ import traceback
 from collections.abc import Sequence
 from importlib import import_module
 
+from needlefem.cli import newoptions
 from needlefem.errors import NeedlefemError
 
 COMMANDS = {
+    "new": "begin a case from contours, a label map or a mesh",
     "run": "push the needle of a case in and report what happens",
     "plan": "find the release point that ends on the case's target",
     "render": "draw a case or a result: stills, panels, animations",
@@ -22,6 +24,7 @@ COMMANDS = {
     "verify": "run the reference problems",
     "study": "measure what the answers of a case depend on",
     "bench": "measure what they cost",
+    "info": "say what is installed, for bug reports",
 }
 
 
@@ -162,7 +165,12 @@ def _bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", help="write JSON and charts there")
 
 
+def _info(parser: argparse.ArgumentParser) -> None:
+    """``needlefem info`` has no options of its own."""
+
+
 _OPTIONS = {
+    "new": newoptions.add,
     "run": _run,
     "plan": _plan,
     "render": _render,
@@ -171,6 +179,7 @@ _OPTIONS = {
     "verify": _verify,
     "study": _study,
     "bench": _bench,
+    "info": _info,
 }
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from needlefem.cli.common import centimetres, progress, say, say_json, warn
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
+from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene
@@ -22,7 +23,7 @@ def main(options: argparse.Namespace) -> int:
     scene = load_case(options.case, options.overrides)
     with progress("planning") as watch:
         found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
-    record = origin(scene) | plan_record(found)
+    record = with_scanner(origin(scene) | plan_record(found), scene)
     expected = compare(scene.expect, record, "plan", scene.axes)
     record["expect"] = None if expected is None else expected.record()
     if options.json:
@@ -54,6 +55,8 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
                 f"  {name:11s} {centimetres(release.release_point)} -> "
                 f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
             )
+    for line in scanner_lines(record["scanner"]):
+        say(line)
     say(f"  {found.insertions} insertions ({found.search}), target {centimetres(found.target)}")
     if found.other_solutions is not None:
         heights = ", ".join(f"{100 * h:+.4f} cm" for h in found.other_solutions) or "none"

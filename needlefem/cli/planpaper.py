@@ -10,6 +10,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime
 from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
+from needlefem.output.scanner import with_scanner
 from needlefem.planning.paper import Drifted, Timed, drift, own_plan, paper_plan
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import BoxMesh
@@ -38,6 +39,7 @@ def main(options: argparse.Namespace) -> int:
         "ours": plan_record(ours.plan) | {"seconds": ours.seconds},
         "drift": tables[1].record()["rows"],
     }
+    record = with_scanner(record, scene)
     if options.json:
         say_json(record)
     else:

@@ -23,6 +23,7 @@ from needlefem.output.records import (
     released_record,
     seed_record,
 )
+from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.planning.plan import checked
 
 GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
@@ -44,7 +45,7 @@ def main(options: argparse.Namespace) -> int:
                 watch(state)
         insertion = course.result(tuple(kept))
     record = origin(scene) | insertion_record(insertion)
-    record |= _measures(simulation, insertion)
+    record = with_scanner(record | _measures(simulation, insertion), scene)
     expected = compare(scene.expect, record, "run", scene.axes)
     record["expect"] = None if expected is None else expected.record()
     if options.json:
@@ -108,10 +109,15 @@ def _summary(record: dict[str, Any], title: str) -> None:
         say(f"  {event['kind']}{name} {at}, energy {event['energy']:.3g} J/m")
     for seed in record["seeds"]:
         say(_seed_line(seed))
+    for line in scanner_lines(record["scanner"]):
+        say(line)
     force = record["tip_force"][-1] + record["shaft_force"][-1]
     say(f"  force {force:.4g} N/m, of which the tip {record['tip_force'][-1]:.4g} N/m")
     energy = record["energy"]
-    terms = ("strain", "friction", "cutting", "snap", "hold", "capture", "contact", "relaxation")
+    terms = (
+        "strain", "kinetic", "friction", "cutting", "snap", "hold", "capture", "contact",
+        "relaxation", "damping", "algorithmic",
+    )  # fmt: skip
     spent = ", ".join(
         f"{t} {energy[t]:.4g}" for t in terms if abs(energy[t]) > 1e-9 * abs(energy["work"])
     )

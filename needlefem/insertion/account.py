@@ -7,7 +7,7 @@ slips, and its lateral hold gives or takes ``force x gap / 2`` of what it catche
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -29,6 +29,9 @@ class Account:
         Of the whole path; may grow.
     give : float
         Compliance of sticking over that of the lateral hold.
+    inertial : bool
+        Whether what sticks may have had another velocity than the needle: what friction takes
+        of it in that step is capture (where sticking is rigid).
 
     Attributes
     ----------
@@ -42,6 +45,7 @@ class Account:
 
     pieces: Sequence[Piece]
     give: float = 0.0
+    inertial: bool = False
     work: float = 0.0
     strain: float = 0.0
     hold: float = 0.0
@@ -51,6 +55,9 @@ class Account:
     capture: float = 0.0
     contact: float = 0.0
     relaxation: float = 0.0
+    kinetic: float = 0.0
+    damping: float = 0.0
+    algorithmic: float = 0.0
     least: float = 0.0
     mismatch: float = 0.0
     turnover: float = 0.0
@@ -64,13 +71,14 @@ class Account:
         )
         work = 0.5 * (old.force + new.force) * travel
         signed = list(zip(sides, (1, -1), strict=True))
-        friction = 0.5 * sum(side.friction(travel, sign) for side, sign in signed)
+        friction = 0.5 * sum(float(np.sum(side.friction(travel, sign))) for side, sign in signed)
         tip = [0.5 * side.tip(travel, sign) for side, sign in signed]
         parts = _tip_parts(old, new, tip)
         hold = _hold(new, self.pieces) - _hold(old, self.pieces)
         stick = self.give * (_stick(new, self.pieces) - _stick(old, self.pieces))
         hold, friction = hold + stick, friction - stick
         capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
+        capture += 0.5 * (sides[1].let_go() - sides[0].let_go())
         strain = _strain(new) - _strain(old)
         self.mismatch = max(
             self.mismatch, abs(work - strain - friction - sum(parts) - hold - capture)
@@ -78,6 +86,11 @@ class Account:
         self.work += work
         self.turnover += abs(work)
         self.strain += strain
+        if self.inertial and new.way is Way.OUT:  # the needle lets go of its last piece
+            parts, friction = (*parts[:2], parts[2] + friction), 0.0
+        elif self.inertial and not self.give:
+            caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
+            friction, capture = friction - caught, capture + caught
         self.hold += hold
         self.friction += friction
         self.cutting += parts[0]
@@ -93,9 +106,13 @@ class Account:
             setattr(self, name, getattr(found, name))
         self.turnover, self.mismatch = abs(found.work), found.identity * abs(found.work)
 
-    def set_tissue(self, strain: float, relaxation: float) -> None:
-        """Take the tissue's energies, stored and lost, from a medium with a memory."""
-        self.strain, self.relaxation, self.mismatch = strain, relaxation, 0.0
+    def set_tissue(self, energies: Mapping[str, float]) -> None:
+        """Take the tissue's energies, stored and lost, from a medium that knows them."""
+        if not energies:
+            return
+        self.strain, self.mismatch = energies["strain"] + energies["stored"], 0.0
+        for name in ("relaxation", "kinetic", "damping", "algorithmic"):
+            setattr(self, name, energies.get(name, 0.0))
 
     def ledger(self) -> Ledger:
         """Return the energies."""
@@ -109,6 +126,9 @@ class Account:
             capture=self.capture,
             contact=self.contact,
             relaxation=self.relaxation,
+            kinetic=self.kinetic,
+            damping=self.damping,
+            algorithmic=self.algorithmic,
             turnover=self.turnover,
             least=self.least,
             identity=self.mismatch / self.turnover if self.turnover else 0.0,
@@ -128,14 +148,26 @@ class _Side:
         self.elsewhere: Floats = np.concatenate(elsewhere)
         """Displacement of the own pieces in the other field, shape (npieces, dim), m."""
         tip = Weights(own.tip_nodes, own.tip_weights[None])
-        self.tip_elsewhere = float(other.means(tip)[0, 0])
+        self.tip_elsewhere: Floats = other.means(tip)[0]
 
-    def friction(self, travel: float, sign: int) -> float:
+    def friction(self, travel: float, sign: int) -> Floats:
+        """Return friction times slip, of every piece."""
         apart = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
-        return float(self.own.axial @ apart)
+        found: Floats = self.own.axial * apart
+        return found
+
+    def stuck(self, travel: float, sign: int, new: State) -> float:
+        """Return that of pieces that the needle fills at both ends and that stick in the end."""
+        assert new.slipping is not None
+        sticks = new.slipping[: self.common] == 0
+        return float(np.sum(self.friction(travel, sign)[: self.common][sticks]))
 
     def tip(self, travel: float, sign: int) -> float:
-        return travel - sign * (self.tip_elsewhere - self.own.tip_moved)
+        return travel - sign * (float(self.tip_elsewhere[0]) - self.own.tip_moved)
+
+    def let_go(self) -> float:
+        """Return lateral force times way of a tip that holds the skin at its own end only."""
+        return float(self.own.tip_lateral @ self.tip_elsewhere[1:])
 
     def caught(self, pieces: Sequence[Piece]) -> float:
         """Lateral force times gap in the other field, of pieces that the other end lacks."""

@@ -124,6 +124,11 @@ class StepEquations:
         self._slidings: dict[int, tuple[Sliding, Floats]] = {}
         self._front: Position | None = None
         self._guess: Floats | None = None
+        self._swings: list[Floats] = []
+        self._slid = np.zeros(0) if start.slipping is None else start.slipping
+        self._same = same = start.whole
+        if same < min(track.count, len(start.axial)) and track.arcs[same] <= start.covered:
+            self._same += 1  # the piece that grew is whole
 
     # positions
 
@@ -178,6 +183,22 @@ class StepEquations:
             self._slidings[whole] = (self.contact.sliding(), np.append(known, more))
         return self._slidings[whole]
 
+    def _lag(self, whole: int, travel: float) -> Floats | None:
+        """Return how far what slid stays behind the needle if it sticks; None without inertia.
+
+        Of whole pieces that carried force before as well; the others stick by displacement.
+        """
+        field, same = self.contact.swing, min(whole, self._same)
+        if field is None:
+            return None
+        direction, known = self.instrument.axis.direction, self._swings
+        for piece in self.contact.pieces[len(known) : same]:
+            known.append(piece.weights @ (field[:, piece.nodes] @ direction).T)
+        slid, found = self._slid[:same], np.zeros(whole + 1)
+        late = slid * (0.5 * travel - np.reshape(known[:same], (same, 2)).T)
+        found[:same] = slid * np.maximum(np.min(late, axis=0), 0.0)
+        return found
+
     # forces at a position
 
     def solve(self, position: Position, depth: float, low: float, high: float) -> Solution:
@@ -191,6 +212,7 @@ class StepEquations:
             travel=position.before + (depth - self.depth),
             old=track.pull[: whole + 1],
             lengths=np.append(ends, position.length),
+            lag=self._lag(whole, depth - self.depth),
         )
         start = np.append(rub.old, min(max(0.0, low), high))
         if self._guess is not None:

@@ -72,7 +72,7 @@ def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution
     return found
 
 
-def land(equations: StepEquations, high: float, depth: float) -> Solution:
+def land(equations: StepEquations, high: float, depth: float, low: float | None = None) -> Solution:
     """Return where a tip that ran ahead stops: its force is back at that of cutting.
 
     Parameters
@@ -81,14 +81,32 @@ def land(equations: StepEquations, high: float, depth: float) -> Solution:
     high : float, m
         Length of the growing piece at which the force is below.
     depth : float, m
+    low : float, m, optional
+        Length at which it is known to be above.
     """
-    track = equations.track
-    low = track.length - track.arcs[-1]
-    low += PEAK * (high - low)
-    if run_ahead(equations, low, depth).excess <= 0.0:
-        return run_ahead(equations, low, depth)
+    if low is None:
+        low, near = _near(equations, high, depth)
+        if near.excess <= 0.0:
+            return near
     length = brentq(lambda x: run_ahead(equations, x, depth).excess, low, high, xtol=1e-12 * high)
     return run_ahead(equations, float(length), depth)
+
+
+def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, Solution]:
+    """Return the least length ahead, of those tried, at which there is an equilibrium, and that.
+
+    A front beside the axis can't be on it with a tip that is nearer than that.
+    """
+    start = equations.track.length - equations.track.arcs[-1]
+    share = PEAK
+    while True:
+        length = start + share * (high - start)
+        try:
+            return length, run_ahead(equations, length, depth)
+        except SimulationError:
+            if share >= 1.0:
+                raise
+            share = min(4.0 * share, 1.0)
 
 
 def goal(equations: StepEquations) -> float:

@@ -6,8 +6,9 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.dynamics import EnergyLedger, Motion, TissueSystem
-from needlefem.dynamics.steppers import ImplicitStepper, StaticStepper
+from needlefem.dynamics.steppers import StaticStepper
 from needlefem.errors import SimulationError
+from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 from needlefem.fem.responses import DirectResponses, Responses, SharedResponses
 
@@ -15,10 +16,10 @@ MOST_SHARED_UNKNOWNS = 10_000
 """Above, the needle's corridor has so many nodes that one solve a load is cheaper."""
 
 
-def responses_of(model: Model, stepper: StaticStepper | ImplicitStepper | None = None) -> Responses:
-    """Return the responses of a tissue's stiffness, or of a step's operator."""
+def responses_of(model: Model, factor: Factor | None = None) -> Responses:
+    """Return the responses of a tissue's stiffness, or of a step's factorised operator."""
     kind = DirectResponses if len(model.free_dofs) > MOST_SHARED_UNKNOWNS else SharedResponses
-    return kind(model) if stepper is None else kind(model, stepper.factor)
+    return kind(model) if factor is None else kind(model, factor)
 
 
 class Medium(Protocol):
@@ -32,11 +33,17 @@ class Medium(Protocol):
         Displacement at its end without the needle; None: none.
     timeless : bool
         Whether a step may be of any duration, and cut short where something happens.
+    inertial : bool
+        Whether velocity persists.
+    swing : array, shape (2, nnodes, dim), m, or None
+        See `Contact`; None: without inertia.
     """
 
     responses: Responses
     background: Floats | None
     timeless: bool
+    inertial: bool
+    swing: Floats | None
 
     def begin(self, duration: float) -> None:
         """Prepare a step."""
@@ -47,15 +54,16 @@ class Medium(Protocol):
         ...
 
     def energies(self) -> dict[str, float]:
-        """Return stored and lost energies that the needle can't know, J (J/m in 2D)."""
+        """Return energies by their name in the ledger that the needle can't know, J (J/m in 2D)."""
         ...
 
 
 class ElasticMedium:
     """Equilibrium at every time, without a memory; see `Medium`."""
 
-    timeless = True
+    timeless, inertial = True, False
     background: Floats | None = None
+    swing: Floats | None = None
 
     def __init__(self, responses: Responses) -> None:
         self.responses = responses
@@ -74,7 +82,8 @@ class ElasticMedium:
 class ViscoelasticMedium:
     """Equilibrium at the end of every step, with the memory of branches; see `Medium`."""
 
-    timeless = False
+    timeless, inertial = False, False
+    swing: Floats | None = None
 
     def __init__(self, model: Model) -> None:
         self.model, self.system = model, TissueSystem(model)
@@ -92,7 +101,7 @@ class ViscoelasticMedium:
         key = float(np.format_float_scientific(duration, precision=9))
         if key not in self._steppers:
             stepper = StaticStepper(self.system, duration)
-            self._steppers[key] = (stepper, responses_of(self.model, stepper))
+            self._steppers[key] = (stepper, responses_of(self.model, stepper.factor))
         self._stepper, self.responses = self._steppers[key]
         if self._motion is None:
             rest = np.zeros(self.system.size)

@@ -14,6 +14,7 @@ from needlefem.needle.axis import Axis
 from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Scene
+from needlefem.shown import Shown
 
 
 class Status(StrEnum):
@@ -114,7 +115,10 @@ class Ledger:
     work of all forces on the tissue, relative to the needle's work. Motions that go back and
     forth have more: `contact` is what the crack front takes where the tip leaves it or comes
     back within a step, `relaxation` what viscous tissue takes, `turnover` the work of all steps
-    whatever its sign, `least` the least that friction, cutting or snaps took in a step.
+    whatever its sign, `least` the least that friction, cutting or snaps took in a step. Tissue
+    with inertia has `kinetic` energy, viscous `damping`, and what the integrator takes
+    (`algorithmic`); what is lost as the needle catches a point that had another velocity is
+    `capture`.
     """
 
     work: float
@@ -127,6 +131,9 @@ class Ledger:
     identity: float
     contact: float = 0.0
     relaxation: float = 0.0
+    kinetic: float = 0.0
+    damping: float = 0.0
+    algorithmic: float = 0.0
     turnover: float = 0.0
     least: float = 0.0
 
@@ -139,12 +146,13 @@ class Ledger:
     def residual(self) -> float:
         """What is missing, relative to the needle's work (its turnover in any motion)."""
         spent = self.strain + self.hold + self.friction + self.cutting + self.snap + self.capture
+        spent += self.contact + self.relaxation + self.kinetic + self.damping + self.algorithmic
         scale = self.turnover or abs(self.work)
-        return abs(self.work - spent - self.contact - self.relaxation) / scale if scale else 0.0
+        return abs(self.work - spent) / scale if scale else 0.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Insertion:
+class Insertion(Shown):
     """What happened while the needle was pushed in.
 
     Parameters

@@ -14,7 +14,8 @@ from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.course import Course
-from needlefem.insertion.media import ElasticMedium, ViscoelasticMedium, responses_of
+from needlefem.insertion.inertia import dynamic_medium
+from needlefem.insertion.media import ElasticMedium, Medium, ViscoelasticMedium, responses_of
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
 from needlefem.materials import branches_of
@@ -22,7 +23,7 @@ from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
 from needlefem.resolve import Resolved, resolve
-from needlefem.scene import Motion, Scene
+from needlefem.scene import DYNAMIC, Motion, Scene
 
 Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
@@ -150,9 +151,13 @@ class Simulation:
 
     def course(self, entry: Entry, motion: Motion | None = None) -> Course:
         """Return a motion of the needle, the scene's when left out, ready to run."""
-        medium = ViscoelasticMedium(self.model) if self._memory else ElasticMedium(self.responses)
         needle = self.instrument(entry)
-        return Course(self.scene, motion or self.scene.motion, needle, medium, self.model)
+        return Course(self.scene, motion or self.scene.motion, needle, self._medium(), self.model)
+
+    def _medium(self) -> Medium:
+        if self.scene.discretisation.integrator in DYNAMIC:
+            return dynamic_medium(self.scene, self.model)
+        return ViscoelasticMedium(self.model) if self._memory else ElasticMedium(self.responses)
 
     def _run(self, course: Course, stop: Stop | None) -> Insertion:
         states = []

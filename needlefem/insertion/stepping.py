@@ -73,7 +73,7 @@ class Stepping:
         self.pieces: list[Piece] = []
         stiffness = friction.stiffness
         give = instrument.lateral_stiffness / stiffness if stiffness > 0.0 else 0.0
-        self.account = Account(self.pieces, give)
+        self.account = Account(self.pieces, give, inertial=medium.inertial)
         self.snaps: list[Snap] = []
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.evaluations = 0
@@ -141,7 +141,7 @@ class Stepping:
         if not hasattr(self, "_contact") or self._contact.responses is not medium.responses:
             fresh = Contact(medium.responses, self.instrument.axis.frame)
             self._contact = rebuilt(fresh, self.pieces)
-        self._contact.background = medium.background
+        self._contact.background, self._contact.swing = medium.background, medium.swing
         self._contact.balance()
 
     def _advance(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
@@ -170,14 +170,17 @@ class Stepping:
         time, released = tick.time_at(depth, start), self.account.snap
         while True:
             equations, track = self._equations(), self.track
-            high = goal(equations)
+            high, low = goal(equations), None
             step = run_ahead(equations, high, depth)
+            while self.medium.inertial and step.excess > 0.0:
+                low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
+                step = run_ahead(equations, high, depth)
             if step.excess <= 0.0:
                 break
             yield self._accept(
                 Moment(Way.JUMPING, track.length, depth, step), time, finish=timeless
             )
-        landing = land(equations, high, depth)
+        landing = land(equations, high, depth, low)
         yield self._accept(Moment(Way.CUTTING, track.length, depth, landing), time)
         self.snaps.append(Snap(depth, first, self._count))
         self.chronicle.happens("snap", self.account.snap - released, self.state)
@@ -254,10 +257,7 @@ class Stepping:
         self._solved.clear()
         if finish:
             self.medium.finish(load(self.model, self.instrument.axis.frame, state, self.pieces))
-            energies = self.medium.energies()
-            if energies:
-                stored = energies["strain"] + energies["stored"]
-                self.account.set_tissue(stored, energies["relaxation"])
+            self.account.set_tissue(self.medium.energies())
         self.chronicle.deepen(state)
         self.chronicle.tell(old, state, self._spent)
         return state

@@ -29,6 +29,13 @@ class Contact:
         Rows: needle direction, lateral directions.
     background : array, shape (nnodes, dim), m, optional
         Displacement that the tissue would have without the needle at this step (dynamics).
+
+    Attributes
+    ----------
+    swing : array, shape (2, nnodes, dim), m, or None
+        Half the way that tissue with inertia would go in this step at the velocity at its start,
+        and at its mean velocity in the step before. What slid and now sticks goes the shorter one,
+        if that is behind the needle, and half the needle's.
     """
 
     def __init__(
@@ -40,6 +47,7 @@ class Contact:
         self.covered = 0
         self.axial: Floats = np.zeros(0)
         self.background = background
+        self.swing: Floats | None = None
         self._loads: list[tuple[Ints, Floats]] = []
         self._columns = np.zeros((0, 0))
         self._known_rows = 0

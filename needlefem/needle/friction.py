@@ -68,6 +68,8 @@ class Rub:
     old : array, shape (n,), N (N/m in 2D)
         Friction forces at the step's start.
     lengths : array, shape (n,), m
+    lag : array, shape (n,), m, optional
+        By how much a piece that had another velocity stays behind its travel when it sticks.
     """
 
     friction: Friction
@@ -76,6 +78,7 @@ class Rub:
     travel: Floats
     old: Floats
     lengths: Floats
+    lag: Floats | None = None
 
     def solve(
         self,
@@ -110,7 +113,8 @@ class Rub:
         SimulationError
         """
         slack = self.friction.slack(self.lengths)
-        travel = self.travel + slack * self.old
+        lag = 0.0 if self.lag is None else self.lag
+        travel = self.travel + slack * self.old - lag
         bottom, top = np.zeros(len(free)), np.zeros(len(free))
         if tip is not None:
             slack, travel = np.append(slack, 0.0), np.append(travel, tip[2])
@@ -125,7 +129,7 @@ class Rub:
             apart = travel - free - matrix @ forces
             inside = (forces > bottom) & (forces < top)
             still = inside[:count] | (np.abs(apart[:count]) <= STUCK)
-            slip = np.where(still, 0.0, apart[:count])
+            slip = np.where(still, 0.0, np.copysign(apart[:count] + lag, apart[:count]))
             weaker = self._limits(slip)
             if np.all(np.abs(limits - weaker) <= SETTLED * limits):
                 return forces, slip, apart

@@ -7,11 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points
-from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.steppers import StaticStepper, at_rest
-from needlefem.insertion.fields import displacements, load
+from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import Way
+from needlefem.output.timely import depends_on_time, gone_through
 
 CHUNK = 64
 """States whose displacements are recovered at once."""
@@ -134,30 +133,10 @@ class Film:
 
     def _fields(self, numbers: Ints) -> Floats:
         """Return the displacements in some states, shape (ndofs, n), m."""
-        if self.model.branches:
-            return self._remembered(numbers)
+        if depends_on_time(self.insertion):
+            return gone_through(self.insertion, self.times, numbers)
         parts = [
             displacements(self.insertion, numbers[i : i + CHUNK].tolist())
             for i in range(0, len(numbers), CHUNK)
         ]
         return np.hstack(parts)
-
-    def _remembered(self, numbers: Ints) -> Floats:
-        """Return the same of tissue with a memory: the forces' whole history is gone through."""
-        system, frame, free = (
-            TissueSystem(self.model),
-            self.insertion.axis.frame,
-            self.model.free_dofs,
-        )
-        motion, found = at_rest(system), np.zeros((self.model.ndofs, len(numbers)))
-        steppers: dict[str, StaticStepper] = {}
-        for number, state in enumerate(self.insertion.states[: int(numbers[-1]) + 1]):
-            step = float(self.times[number] - self.times[max(number - 1, 0)])
-            if step > 0.0:
-                key = f"{step:.9e}"
-                if key not in steppers:
-                    steppers[key] = StaticStepper(system, step)
-                force = load(self.model, frame, state, self.insertion.pieces)[free]
-                motion = steppers[key].advance_under(motion, force, force)
-            found[free[:, None], np.flatnonzero(numbers == number)] = motion.u[:, None]
-        return found

@@ -9,6 +9,7 @@ from needlefem.checks.result import CheckResult
 from needlefem.insertion.result import Insertion, Ledger
 from needlefem.insertion.validity import Validity
 from needlefem.planning.search import Solution
+from needlefem.shown import Shown
 
 
 class PlanStatus(StrEnum):
@@ -68,7 +69,7 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Plan:
+class Plan(Shown):
     """The outcome of planning.
 
     Parameters

@@ -1,8 +1,8 @@
 """The scene: all that a case says, as plain frozen dataclasses in SI units."""
 
 from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
+from needlefem.scene.method import DYNAMIC, Discretisation, Rayleigh
 from needlefem.scene.parts import (
-    Discretisation,
     Expectation,
     Motion,
     Needle,
@@ -17,6 +17,7 @@ from needlefem.scene.parts import (
 from needlefem.scene.varying import field_of, vary
 
 __all__ = [
+    "DYNAMIC",
     "BoxMesh",
     "Discretisation",
     "Expectation",
@@ -25,6 +26,7 @@ __all__ = [
     "Needle",
     "Outputs",
     "Planning",
+    "Rayleigh",
     "Refinement",
     "Region",
     "Scene",

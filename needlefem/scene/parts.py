@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.contour import Contour
+from needlefem.frame import Frame
 from needlefem.knobs import knob
 from needlefem.materials import Material
 from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
+from needlefem.scene.method import Discretisation, Rayleigh
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -42,37 +44,6 @@ class Support:
 
     faces: tuple[str, ...] = knob("Named faces of the mesh")
     fixed: tuple[str, ...] = knob("Axes whose displacement is held; all when left out", default=())
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Discretisation:
-    """Numbers of the method, as opposed to those of the tissue and the needle."""
-
-    element: str = knob("Element of the catalogue, or 'auto'", default="auto")
-    path_spacing: float = knob(
-        "Length of the pieces of the cut path that carry contact",
-        "length",
-        default=0.8e-3,
-        low=0.0,
-    )
-    kernel_points: int = knob(
-        "Quadrature points of the tip's kernel; 0 chooses by element size",
-        default=0,
-        low=0.0,
-        closed=True,
-    )
-    integrator: str = knob(
-        "March along the path, equilibrium step by step, or what the scene needs",
-        default="auto",
-        choices=("auto", "march", "quasi-static"),
-    )
-    time_step: float = knob(
-        "Longest time step; 0: that of half a piece of the path at the motion's speed",
-        "time",
-        default=0.0,
-        low=0.0,
-        closed=True,
-    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -228,7 +199,8 @@ class Scene:
     regions: Mapping[str, Region]
     supports: Mapping[str, Support]
     plane: str = "strain"
-    discretisation: Discretisation = Discretisation()
+    damping: Rayleigh = dataclasses.field(default_factory=Rayleigh)
+    discretisation: Discretisation = dataclasses.field(default_factory=Discretisation)
     needle: Needle
     motion: Motion
     target: Coordinates | None = None
@@ -236,6 +208,7 @@ class Scene:
     targets: TargetDraw | None = None
     outputs: Outputs = Outputs()
     expect: tuple[Expectation, ...] = ()
+    frame: Frame | None = None
     source: Path | None = None
     overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 

@@ -9,9 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.dynamics import Newmark, TissueSystem
 from needlefem.errors import NeedlefemError
-from needlefem.insertion.dynamic import DynamicInsertion
 from needlefem.insertion.path import Path
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
@@ -26,7 +24,7 @@ COLUMNS = ("scene", "status", "ledger", "error on the fine mesh (cm)", "warnings
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return one table of plans, and one of dynamic insertions over the time step."""
+    """Return one table of plans, and one of insertions with inertia over the time step."""
     del other
     rows = [_planned(scene, name, changes) for name, changes in extremes(scene).items()]
     return [
@@ -113,26 +111,21 @@ def _planned(scene: Scene, name: str, changes: dict[str, Any]) -> list[Any]:
 
 
 def time_steps(scene: Scene) -> Table:
-    """Return the dynamic insertion at the case's speed over the time step."""
+    """Return the insertion with inertia at the case's speed over the time step."""
+    depth = 0.4 * scene.motion.max_depth
     simulation = Simulation(scene)
     entry = simulation.entry_of_case()
-    depth = 0.4 * scene.motion.max_depth
     path = Path(simulation.insert(entry, lambda state: state.depth > depth + 3e-3))
     rows: list[list[Any]] = []
     for step in (1e-3, 1e-2, 1.0 / 30.0, 1e-1, 1.0):
-        try:
-            calm = Newmark(beta=0.3025, gamma=0.6)
-            dynamics = calm.stepper(TissueSystem(simulation.model), step)
-            moving = DynamicInsertion(simulation.instrument(entry), dynamics, scene.motion.speed)
-            last = list(moving.iterate(depth))[-1]
-        except NeedlefemError as refusal:
-            rows.append([step, f"refused: {refusal}"[:60], ""])
-            continue
-        reach = path.at_depth(last.depth)
+        changes = {"discretisation.integrator": "newmark", "discretisation.time_step": step}
+        moving = Simulation(vary(scene, changes), simulation.model)
+        found = moving.insert(entry, lambda state: state.depth >= depth)
+        last, reach = found.states[-1], path.at_depth(found.states[-1].depth)
         apart = np.inf if reach is None else float(np.linalg.norm(last.tip - reach.point))
-        rows.append([step, "reached", 100.0 * apart])
+        rows.append([step, str(found.outcome.status), 100.0 * apart])
     return Table(
-        title="dynamic insertion over the time step",
+        title="insertion with inertia over the time step",
         columns=("step (s)", "status", "distance to the march (cm)"),
         rows=rows,
     )

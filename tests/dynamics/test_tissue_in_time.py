@@ -3,11 +3,8 @@ import pytest
 
 from needlefem.checks.energy import energy_drift
 from needlefem.dynamics import Damping, Newmark, TissueSystem, kinetic_energy
-from needlefem.errors import CaseError, SimulationError
+from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
-from needlefem.insertion.dynamic import DynamicInsertion
-from needlefem.insertion.path import Path
-from needlefem.insertion.simulation import Simulation
 from needlefem.scene import Scene, vary
 
 CALM = Newmark(beta=0.3025, gamma=0.6)
@@ -76,27 +73,3 @@ def test_tissue_without_mass_is_refused(gel: Scene) -> None:
     model = build_model(vary(gel, {"materials.gel.density": 0.0}))
     with pytest.raises(CaseError, match="without density has no dynamics"):
         TissueSystem(model)
-
-
-def test_slow_insertion_approaches_the_march(organ: Scene) -> None:
-    fine = vary(organ, {"discretisation.path_spacing": 2.5e-4})
-    simulation = Simulation(fine)
-    entry = simulation.entry_of_case()
-    path = Path(simulation.insert(entry, lambda state: state.depth > 0.02))
-    apart = []
-    for speed in (0.05, 0.005, 0.0005):
-        system = TissueSystem(simulation.model, Damping(mass_rate=5.0, stiffness_time=2e-3))
-        dynamics = CALM.stepper(system, 1e-4 / speed)
-        moving = DynamicInsertion(simulation.instrument(entry), dynamics, speed)
-        last = list(moving.iterate(0.015))[-1]
-        apart.append(np.linalg.norm(last.tip - path.at_depth(last.depth).point))
-    assert apart[0] > apart[1] > apart[2]
-    assert apart[2] < 1e-5
-
-
-def test_tip_that_would_have_to_stop_is_refused(popping: Scene) -> None:
-    simulation = Simulation(popping)
-    dynamics = Newmark().stepper(TissueSystem(simulation.model), 0.02)
-    moving = DynamicInsertion(simulation.instrument(simulation.entry_of_case()), dynamics, 0.05)
-    with pytest.raises(SimulationError, match="tip"):
-        list(moving.iterate(0.03))

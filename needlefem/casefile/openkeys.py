@@ -1,0 +1,68 @@
+"""Keys that a case leaves open: ``"?"``, as ``needlefem new`` writes what its file can't say."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+from needlefem.casefile.reader import DIMENSIONS
+from needlefem.casefile.tables import Table
+from needlefem.errors import CaseError
+from needlefem.knobs import knob_of
+from needlefem.materials import LAWS
+from needlefem.materials.tissues import library
+from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Region, Support
+from needlefem.units import UNITS
+
+OPEN = "?"
+_CLASSES: dict[str, tuple[type, ...]] = {
+    "mesh": (FileMesh, BoxMesh),
+    "materials": tuple(LAWS.values()),
+    "regions": (Region,),
+    "supports": (Support,),
+    "needle": (Needle,),
+    "motion": (Motion,),
+}
+_SENTENCES = {
+    "target.point": 'the point to hit, such as ["1.5 cm", "3 cm"]',
+    "tissue.background": "the material outside all regions",
+}
+
+
+def refuse_open(data: Table) -> None:
+    """Raise a `CaseError` for the first value that is ``"?"``; it names the others too."""
+    keys = list(_open_keys(data, ()))
+    if not keys:
+        return
+    rest = f"; so are {', '.join(map('.'.join, keys[1:]))}" if len(keys) > 1 else ""
+    raise CaseError(".".join(keys[0]), f"'{OPEN}' is still open{rest}", f"write {_what(keys[0])}")
+
+
+def _open_keys(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    if node == OPEN:
+        yield path
+    elif isinstance(node, dict):
+        for key, value in node.items():
+            yield from _open_keys(value, (*path, str(key)))
+    elif isinstance(node, list) and OPEN in node:
+        yield path
+
+
+def _what(path: tuple[str, ...]) -> str:
+    """Return what belongs to a key, from its field's own declaration."""
+    name, dotted = path[-1], ".".join(path)
+    if name == "tissue" and path[0] == "materials":
+        return f"a tissue of the library ({', '.join(library())}) or its constants instead"
+    for cls in _CLASSES.get(path[0], ()):
+        for field in dataclasses.fields(cls):
+            declared = knob_of(field)
+            if field.name == name and declared is not None:
+                sentence = declared.sentence[0].lower() + declared.sentence[1:]
+                return sentence + _example(declared.dimension)
+    return _SENTENCES.get(dotted, "its value")
+
+
+def _example(dimension: str | None) -> str:
+    if dimension is None:
+        return ""
+    unit = next(iter(UNITS[DIMENSIONS[2].get(dimension, dimension)]))
+    return f', such as "1 {unit}"'

@@ -1,0 +1,1 @@
+"""First cases from anatomy in files: contours, label maps, meshes."""

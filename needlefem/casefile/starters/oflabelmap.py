@@ -1,0 +1,156 @@
+"""A case from a label map: the plane of the needle, cut out of it."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from needlefem.arrays import Vector
+from needlefem.casefile.starters.boxes import Box, box_around, mesh_text
+from needlefem.casefile.starters.draft import Draft, millimetres, point_text, quoted
+from needlefem.casefile.starters.wanted import Wanted, direction_of, point_of
+from needlefem.contour import Contour
+from needlefem.errors import CaseError, nearest
+from needlefem.frame import Frame
+from needlefem.image.labelmap import LabelMap, Segment, read_labelmap
+from needlefem.image.slicing import needle_plane, outlines
+
+INTO = np.array([0.0, 1.0])
+"""Direction of the needle in the case: along its second axis."""
+
+
+def of_labelmap(path: Path, wanted: Wanted) -> Draft:
+    """Return the case that a label map begins: the plane of the needle, a region a segment.
+
+    The case's first axis lies across the needle, its second along it from the skin on. The skin
+    is at the entry, or where the needle enters the image.
+
+    Raises
+    ------
+    CaseError
+        The file can't be read; target or direction are missing or can't be; the plane meets no
+        segment, or a segment reaches out of the skin.
+    """
+    labelmap = read_labelmap(path, wanted.space)
+    segments = _chosen(labelmap, wanted.segments)
+    target = _target(labelmap, wanted.target)
+    direction, depth = _line(labelmap, target, wanted)
+    across = direction_of(wanted.across, 3, "--across") if wanted.across else None
+    frame = needle_plane(labelmap.voxels, wanted.space, target, direction, across)
+    cut, remarks = _regions(labelmap, segments, frame)
+    _check_skin(cut, depth)
+    around = box_around(cut, wanted.around, np.zeros(2))
+    corner = np.array([around.low[0], -depth])
+    frame = dataclasses.replace(frame, origin=tuple(float(x) for x in frame.to_scanner(corner)))
+    box = Box(np.zeros(2), around.high - np.array([around.low[0], 0.0]) + np.array([0.0, depth]))
+    contours = {name: contour.moved(-corner) for name, contour in cut.items()}
+    deepest = depth + 0.5 * wanted.around
+    files = {name: _file(name, number) for number, name in enumerate(contours)}
+    skin = "at the entry" if wanted.entry else "where the needle enters the image (or give --entry)"
+    return Draft(
+        title=f"{path.name.partition('.')[0]}: {', '.join(s.name for s in segments)}",
+        file=path.name,
+        axes=("y", "z"),
+        remarks=(
+            "y is across the needle, z along it, from the skin on; the skin is flat,",
+            f"{skin}. Outlines are smoothed; of overlapping regions the later wins.",
+            *remarks,
+        ),
+        mesh=mesh_text(box, contours, min(labelmap.voxels.spacing), deepest),
+        regions={name: f"contour = {quoted(files[name])}" for name in contours},
+        faces=("y_min", "y_max", "z_min (the skin)", "z_max"),
+        direction="[0.0, 1.0]",
+        max_depth=millimetres(deepest),
+        target=point_text(INTO * depth - np.array([corner[0], 0.0])),
+        frame=frame,
+        contours={files[name]: contour for name, contour in contours.items()},
+    )
+
+
+def _chosen(labelmap: LabelMap, names: str) -> list[Segment]:
+    known = {segment.name: segment for segment in labelmap.segments}
+    if not names:
+        return list(known.values())
+    found = []
+    for name in (part.strip() for part in names.split(",")):
+        if name not in known:
+            raise CaseError("--segments", f"no segment '{name}'", nearest(name, known))
+        found.append(known[name])
+    return found
+
+
+def _target(labelmap: LabelMap, text: str) -> Vector:
+    """Return the target in the scanner's space, shape (3,), m: a point, or a segment's centre."""
+    known = {segment.name: segment for segment in labelmap.segments}
+    if text in known:
+        return labelmap.centre(known[text])
+    if not text:
+        remedy = f"give a point ('12, -3.5, 40 mm') or a segment: {', '.join(known)}"
+        raise CaseError("--target", "missing", remedy)
+    if "," not in text:
+        raise CaseError("--target", f"no segment '{text}'", nearest(text, known))
+    return point_of(text, 3, "--target")
+
+
+def _line(labelmap: LabelMap, target: Vector, wanted: Wanted) -> tuple[Vector, float]:
+    """Return the needle's direction and the depth of the target below the skin, m."""
+    if wanted.entry:
+        away = target - point_of(wanted.entry, 3, "--entry")
+        if not np.any(away):
+            raise CaseError("--entry", f"'{wanted.entry}' is the target", "give a point of skin")
+        return away / np.linalg.norm(away), float(np.linalg.norm(away))
+    if not wanted.direction:
+        remedy = "give it ('0, 0.2, 1'), or a point of the skin by --entry"
+        raise CaseError("--direction", "missing", remedy)
+    direction = direction_of(wanted.direction, 3, "--direction")
+    voxels = labelmap.voxels
+    at = voxels.numbers(target[None])[0]
+    step = voxels.numbers((target + direction)[None])[0] - at
+    low, high = np.full(3, -0.5), np.array(voxels.size) - 0.5
+    if np.any(at < low) or np.any(at > high):
+        place = ", ".join(f"{1e3 * x:.4g}" for x in target)
+        problem = f"({place}) mm in {labelmap.space} is outside the image"
+        raise CaseError("--target", problem, "correct it, or --space")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        travel = np.where(step > 0, (at - low) / step, (at - high) / step)
+    return direction, float(np.min(travel[step != 0]))
+
+
+def _regions(
+    labelmap: LabelMap, segments: list[Segment], frame: Frame
+) -> tuple[dict[str, Contour], list[str]]:
+    """Return contours by region, those that enclose others first, and what there is to say."""
+    found: dict[str, Contour] = {}
+    remarks = []
+    for segment in segments:
+        cut = outlines(labelmap, segment, frame)
+        if not cut.contours:
+            remarks.append(f"The plane does not meet {segment.name}.")
+        if cut.dropped:
+            remarks.append(f"Islands of {segment.name} too small to keep: {cut.dropped}.")
+        if cut.holes:
+            remarks.append(
+                f"Holes in {segment.name}, filled unless a later region is there: {cut.holes}."
+            )
+        for number, contour in enumerate(cut.contours, 1):
+            found[segment.name if number == 1 else f"{segment.name} {number}"] = contour
+    if not found:
+        names = ", ".join(segment.name for segment in segments)
+        problem = f"the plane of the needle meets none of {names}"
+        raise CaseError("--target", problem, "move it, or turn the plane by --across")
+    return dict(sorted(found.items(), key=lambda item: -item[1].area)), remarks
+
+
+def _check_skin(contours: Mapping[str, Contour], depth: float) -> None:
+    for name, contour in contours.items():
+        out = -depth - float(contour.points[:, 1].min())
+        if out >= 0.0:
+            problem = f"segment '{name}' reaches {1e3 * out:.2g} mm out of the skin"
+            raise CaseError("--entry", problem, "move it out, or leave it away by --segments")
+
+
+def _file(name: str, number: int) -> str:
+    """Return a contour's file name for a segment's name."""
+    plain = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-").lower()
+    return f"{plain or 'region'}-{number}.csv" if plain != name.lower() else f"{plain}.csv"

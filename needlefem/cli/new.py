@@ -1,0 +1,76 @@
+"""``needlefem new``."""
+
+import argparse
+from pathlib import Path
+
+from needlefem.casefile.load import load_case
+from needlefem.casefile.starters.draft import Draft, case_text
+from needlefem.casefile.starters.ofcontours import csv_text, of_contours
+from needlefem.casefile.starters.oflabelmap import of_labelmap
+from needlefem.casefile.starters.ofmesh import of_mesh
+from needlefem.casefile.starters.wanted import Wanted
+from needlefem.cli.common import say, say_json
+from needlefem.errors import CaseError
+from needlefem.output.files import write_text
+
+
+def main(options: argparse.Namespace) -> int:
+    """Begin a case from files, write it, say what is still open; return the exit status."""
+    path = Path(options.case)
+    case = path if path.suffix == ".toml" else path / "case.toml"
+    draft = _draft(options, case.parent)
+    written = _write(draft, case, {Path(name).resolve() for name in options.contour or ()})
+    try:
+        load_case(case)
+        left = ""
+    except CaseError as error:
+        left = str(error)
+    record = {"case": str(case), "written": [str(p) for p in written],
+              "regions": list(draft.regions), "open": left or None}  # fmt: skip
+    if options.json:
+        say_json(record)
+        return 0
+    for file in written:
+        say(f"wrote {file}")
+    say(f"regions: {', '.join(draft.regions) or 'none'}")
+    for sentence in draft.remarks:
+        say(f"  {sentence}")
+    if left:
+        say(f"still open: {left}")
+    return 0
+
+
+def _draft(options: argparse.Namespace, folder: Path) -> Draft:
+    wanted = Wanted(
+        **{
+            name: getattr(options, name)
+            for name in ("target", "entry", "direction", "across", "space", "segments", "margin",
+                         "unit")
+            if getattr(options, name)
+        }
+    )  # fmt: skip
+    if options.labelmap:
+        return of_labelmap(Path(options.labelmap), wanted)
+    for name in ("entry", "across", "segments"):
+        if getattr(wanted, name):
+            problem = f"'{getattr(wanted, name)}'"
+            raise CaseError(f"--{name}", problem, "it goes with --labelmap alone: leave it out")
+    if options.mesh:
+        return of_mesh(Path(options.mesh), folder, wanted)
+    return of_contours([Path(name) for name in options.contour], wanted)
+
+
+def _write(draft: Draft, case: Path, own: set[Path]) -> list[Path]:
+    """Write contours and case, never over a file that is there; `own` ones may stay."""
+    texts = {
+        case.parent / name: csv_text(contour.points, draft.axes)
+        for name, contour in draft.contours.items()
+        if (case.parent / name).resolve() not in own
+    }
+    texts[case] = case_text(draft)
+    for path in texts:
+        if path.exists():
+            raise CaseError("CASE", f"'{path}' is there already", "give another folder")
+    for path, text in texts.items():
+        write_text(path, text)
+    return list(texts)

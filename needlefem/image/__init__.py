@@ -1,0 +1,1 @@
+"""Label maps of scanners: read, cut by a plane, outlined."""

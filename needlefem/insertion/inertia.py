@@ -1,0 +1,185 @@
+"""Tissue with inertia and damping as a needle stepped in time meets it.
+
+Forces of the needle are those at a step's end. A point that sticks has the needle's velocity
+there: it goes the mean way of what it did and what the needle does, so that a freshly caught one
+moves half a step late and from then on with the needle, without ringing. The tip that holds its
+point, and the shaft across, are bound by displacement; the integrator must damp what rings then.
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.dynamics import (
+    Damping,
+    EnergyLedger,
+    GeneralizedAlpha,
+    Motion,
+    Newmark,
+    TissueSystem,
+)
+from needlefem.dynamics.steppers import ImplicitStepper, Weights
+from needlefem.errors import CaseError, SimulationError
+from needlefem.fem.model import Model
+from needlefem.fem.responses import Responses
+from needlefem.insertion.media import responses_of
+from needlefem.scene import Rayleigh, Scene
+
+RINGS = 1.0 - 1e-9
+"""Spectral radius from which on motion under a bound displacement does not come to rest."""
+TERMS = ("strain", "stored", "relaxation", "kinetic", "damping", "algorithmic")
+
+
+class Implicit(Protocol):
+    """An integrator of the generalised-alpha family."""
+
+    def stepper(self, system: TissueSystem, step: float) -> ImplicitStepper:
+        """Return it ready for a system and a step, s."""
+        ...
+
+
+def bound_radius(weights: Weights) -> float:
+    """Return by what velocity and acceleration shrink a step where the displacement is given.
+
+    The larger eigenvalue of their recursion, ``v1 = (1 - g/b) v0 + (1 - g/2b) dt a0`` and
+    ``dt a1 = -v0/b + (1 - 1/2b) dt a0`` with ``b = beta``, ``g = gamma``. Average acceleration has
+    -1 twice, with a single eigenvector: its acceleration grows.
+    """
+    beta, gamma = weights.beta, weights.gamma
+    recursion = np.array([
+        [1.0 - gamma / beta, 1.0 - 0.5 * gamma / beta],
+        [-1.0 / beta, 1.0 - 0.5 / beta],
+    ])  # fmt: skip
+    return float(np.abs(np.linalg.eigvals(recursion)).max())
+
+
+class _Scaled:
+    """A factorised operator of which a force acts with a share; see `Factor`."""
+
+    def __init__(self, stepper: ImplicitStepper) -> None:
+        self._factor, self._share = stepper.factor, 1.0 - stepper.weights.force
+
+    def solve(self, rhs: Floats) -> Floats:
+        return self._factor.solve(rhs if self._share == 1.0 else self._share * rhs)
+
+
+class DynamicMedium:
+    """A tissue with inertia; see `Medium`.
+
+    Parameters
+    ----------
+    system : TissueSystem
+    integrator : Implicit
+    refuse_ringing : bool
+        Whether an integrator that does not damp bound displacements is an error.
+
+    Attributes
+    ----------
+    motion : Motion
+        At the last step's end.
+    """
+
+    timeless, inertial = False, True
+
+    def __init__(
+        self, system: TissueSystem, integrator: Implicit, *, refuse_ringing: bool = True
+    ) -> None:
+        self.system, self.model, self.integrator = system, system.model, integrator
+        self._refuse = refuse_ringing
+        self._steppers: dict[float, tuple[ImplicitStepper, Responses]] = {}
+        self._energies = dict.fromkeys(TERMS, 0.0)
+        self._forces, self._needed, self._pace = np.zeros((3, system.size))
+        self.motion: Motion | None = None
+        self.background: Floats | None = None
+        self.swing: Floats | None = None
+        self.responses: Responses
+
+    def begin(self, duration: float) -> None:
+        """See `Medium`."""
+        if duration <= 0.0:
+            raise SimulationError("tissue with inertia takes steps that last")
+        key = float(np.format_float_scientific(duration, precision=9))
+        if key not in self._steppers:
+            self._steppers[key] = self._ready(duration)
+        self._stepper, self.responses = self._steppers[key]
+        if self.motion is None:
+            self.motion = self._stepper.at_rest()
+        share = self._stepper.weights.force
+        carried = share * self._forces if share else None
+        self._free = self._stepper.free_motion(self.motion, carried)
+        self.background = self.system.nodal(self._free)
+        ways = 0.5 * duration * self.motion.v, 0.5 * duration * self._pace
+        self.swing = np.array([self.system.nodal(way) for way in ways])
+
+    def _ready(self, duration: float) -> tuple[ImplicitStepper, Responses]:
+        stepper = self.integrator.stepper(self.system, duration)
+        if self._refuse and bound_radius(stepper.weights) >= RINGS:
+            raise CaseError(
+                "discretisation.integrator",
+                "average acceleration rings for ever where a needle binds the tissue",
+                "take newmark_gamma above 0.5, or generalised-alpha with rho_inf below 1",
+            )
+        return stepper, responses_of(self.model, _Scaled(stepper))
+
+    def finish(self, load: Floats) -> None:
+        """See `Medium`."""
+        assert self.motion is not None
+        stepper, old, force = self._stepper, self.motion, load[self.model.free_dofs]
+        self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
+        self._pace = (self.motion.u - old.u) / stepper.step
+        needed = self._force_of(old, self.motion)
+        ledger = EnergyLedger(stepper)
+        ledger.add(old, self.motion, self._needed, needed)
+        for name in TERMS:
+            self._energies[name] += getattr(ledger, name)
+        self._forces, self._needed = force, needed
+
+    def _force_of(self, old: Motion, new: Motion) -> Floats:
+        """Return the force at the step's end that the motion takes, from the motion alone."""
+        early, late = self._stepper.weights.mass, self._stepper.weights.force
+        found = self.system.products(
+            early * old.a + (1.0 - early) * new.a,
+            late * old.v + (1.0 - late) * new.v if self.system.damped else None,
+            late * old.u + (1.0 - late) * new.u,
+        )
+        pairs = zip(self.system.branches, old.parts, new.parts, strict=True)
+        for (_, stiffness), before, after in pairs:
+            found += stiffness @ (late * before + (1.0 - late) * after)
+        needed: Floats = (found - late * self._needed) / (1.0 - late)
+        return needed
+
+    def energies(self) -> dict[str, float]:
+        """See `Medium`."""
+        return dict(self._energies)
+
+
+def dynamic_medium(scene: Scene, model: Model) -> DynamicMedium:
+    """Return the tissue of a resolved scene, in time as its discretisation says.
+
+    Raises
+    ------
+    CaseError
+        Damping is said twice or by halves, the mass can't be lumped so, the tissue has none.
+    """
+    numbers = scene.discretisation
+    lumping = None if numbers.mass == "consistent" else numbers.mass
+    system = TissueSystem(model, damping_of(scene.damping), lumping)
+    gamma = numbers.newmark_gamma
+    newmark = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)
+    alpha = GeneralizedAlpha(rho_inf=numbers.rho_inf)
+    return DynamicMedium(system, newmark if numbers.integrator == "newmark" else alpha)
+
+
+def damping_of(said: Rayleigh) -> Damping:
+    """Return the damping that a case asks for."""
+    pairs = (said.frequencies, said.ratios)
+    if not any(pairs):
+        return Damping(mass_rate=said.mass_rate, stiffness_time=said.stiffness_time)
+    if said.mass_rate or said.stiffness_time:
+        raise CaseError("damping.frequencies", "mass_rate or stiffness_time as well", "keep one")
+    if len(pairs[0]) != 2 or len(pairs[1]) != 2:
+        problem = f"{len(pairs[0])} frequencies and {len(pairs[1])} ratios"
+        raise CaseError("damping.frequencies", problem, "give two of both")
+    first, second = said.frequencies
+    return Damping.from_ratios((first, second), (said.ratios[0], said.ratios[1]))

@@ -1,0 +1,99 @@
+"""What notebooks show of an insertion and of a plan."""
+
+import tempfile
+from collections.abc import Mapping
+from functools import singledispatch
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Vector
+from needlefem.errors import NoRendererError
+from needlefem.insertion.result import Insertion
+from needlefem.planning.result import Plan
+from needlefem.scene import Scene
+
+SIZE = (800, 600)
+"""Pixels of a picture in a notebook."""
+
+
+@singledispatch
+def html_of(result: Any) -> str:
+    """Return an insertion or a plan as an HTML table of what one asks first."""
+    raise TypeError(f"{type(result).__name__} is not shown")
+
+
+@html_of.register
+def _(result: Insertion) -> str:
+    last, outcome = result.states[-1], result.outcome
+    rows = {
+        "status": f"{outcome.status}: {outcome.sentence}",
+        "depth": f"{100 * last.depth:.3f} cm",
+        "material at the tip": _place(last.tip, result.scene),
+        "force at the end": f"{last.force:.4g} N/m",
+        "seeds": ", ".join(f"{s.name} {_place(s.point, result.scene)}" for s in result.seeds),
+        "mesh": f"{result.model.mesh.nelements} cells, {result.scene.discretisation.element}",
+    }
+    return _table(result.scene.title, rows)
+
+
+@html_of.register
+def _(result: Plan) -> str:
+    scene, best = result.insertion.scene, result.best
+    rows = {
+        "status": f"{result.status}: {result.sentence}",
+        "target": _place(result.target, scene),
+        "release at": "" if best is None else _place(best.release_point, scene),
+        "comes to rest": "" if best is None else _place(best.placed_at, scene),
+        "placement error": "" if best is None else f"{100 * best.placement_error:.2g} cm",
+        "insertions": f"{result.insertions} ({result.search})",
+        "warnings": "" if result.evidence is None else "; ".join(result.evidence.warnings),
+    }
+    if scene.frame is not None and best is not None:
+        point = scene.frame.to_scanner(best.release_point)
+        place = ", ".join(f"{1e3 * x:.2f}" for x in point)
+        rows["release in the scanner"] = f"({place}) mm, {scene.frame.space}"
+    return _table(scene.title, rows)
+
+
+def _place(point: Vector, scene: Scene) -> str:
+    axes, values = ", ".join(scene.axes), ", ".join(f"{100 * x:.3f}" for x in point)
+    return f"({axes}) = ({values}) cm"
+
+
+def _table(title: str, rows: Mapping[str, str]) -> str:
+    cells = "".join(
+        f"<tr><th style='text-align:left'>{escape(name)}</th>"
+        f"<td style='text-align:left'>{escape(value)}</td></tr>"
+        for name, value in rows.items()
+        if value
+    )
+    return f"<table><caption>{escape(title)}</caption>{cells}</table>"
+
+
+def png_of(result: Insertion | Plan) -> bytes | None:
+    """Return the deformed tissue with the needle at its deepest (a plan: at its release) as PNG.
+
+    None where nothing can draw, and in 3D, which is not drawn yet: a notebook then shows the table.
+    """
+    insertion = result.insertion if isinstance(result, Plan) else result
+    if insertion.scene.dim != 2 or len(insertion.states) < 2:
+        return None
+    depth = _release_depth(result) if isinstance(result, Plan) else None
+    from needlefem.output.render import Shot, render  # noqa: PLC0415  (pictures are drawn on demand)
+
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "shown.png"
+            return render(insertion, path, depth=depth, shot=Shot(size=SIZE)).read_bytes()
+    except NoRendererError:
+        return None
+
+
+def _release_depth(plan: Plan) -> float | None:
+    if plan.best is None:
+        return None
+    depth = float(plan.insertion.axis.along(plan.best.release_point))
+    return min(depth, float(np.max(plan.insertion.depths)))

@@ -1,0 +1,202 @@
+"""A needle stepped in tissue with inertia and damping."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from needlefem.dynamics import Damping, GeneralizedAlpha, Newmark, TissueSystem
+from needlefem.dynamics.steppers import Weights
+from needlefem.errors import CaseError
+from needlefem.fem.build import build_model
+from needlefem.insertion.inertia import DynamicMedium, bound_radius, damping_of
+from needlefem.insertion.ledger import ledger
+from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.schedule import Tick
+from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import Way
+from needlefem.insertion.stepping import Stepping
+from needlefem.materials import Viscoelastic
+from needlefem.needle.friction import Friction
+from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
+
+SOME = Rayleigh(mass_rate=5.0, stiffness_time=2e-3)
+BOTH = pytest.mark.parametrize("integrator", DYNAMIC)
+
+
+def moved(scene: Scene, integrator: str, **changes: object) -> Insertion:
+    """Return the scene's whole motion by an integrator; changes are those of the motion."""
+    found = {f"motion.{name}": value for name, value in changes.items()}
+    simulation = Simulation(vary(scene, {"discretisation.integrator": integrator, **found}))
+    return simulation.move(simulation.entry_of_case())
+
+
+@BOTH
+def test_as_speed_falls_it_becomes_quasi_static(organ: Scene, integrator: str) -> None:
+    coarse = {"mesh.divisions": (10, 10), "motion.max_depth": 6e-3, "damping": SOME}
+    scene = vary(organ, coarse)
+    still = moved(scene, "quasi-static").states[-1].tip
+    apart = []
+    for speed in (0.5, 0.05, 0.005):
+        steps = {"discretisation.time_step": 2e-4 / speed}
+        found = moved(vary(scene, steps), integrator, speed=speed)
+        apart.append(float(np.linalg.norm(found.states[-1].tip - still)))
+    assert apart == sorted(apart, reverse=True)
+    assert apart[2] <= 1e-5
+
+
+@BOTH
+@pytest.mark.parametrize("speed", [0.005, 0.05])
+def test_ledger_closes_and_nothing_gives_energy(gel: Scene, integrator: str, speed: float) -> None:
+    stages = (Stage(to=0.01), Stage(hold=0.1), Stage(to=0.008), Stage(to=0.012), Stage(to=0.0))
+    found = moved(vary(gel, {"damping": SOME}), integrator, stages=stages, speed=speed)
+    energies = ledger(found)
+    assert found.outcome.status is Status.COMPLETED
+    assert energies.residual <= 1e-11
+    assert energies.given <= 1e-9
+    assert min(energies.kinetic, energies.damping, energies.friction, energies.cutting) > 0.0
+
+
+def test_undamped_motion_loses_energy_to_friction_and_cutting_alone(gel: Scene) -> None:
+    found = moved(gel, "generalised-alpha", max_depth=0.01, speed=0.2)
+    energies = ledger(found)
+    assert energies.damping == 0.0
+    assert abs(energies.algorithmic) <= 1e-2 * energies.work
+    assert energies.residual <= 1e-11
+
+
+def test_static_friction_weakens_with_inertia(gel: Scene) -> None:
+    changes = {"needle.static_friction": 1.5, "needle.weakening_length": 1e-3}
+    stages = (Stage(to=0.01), Stage(hold=0.5), Stage(to=0.006))
+    plain = moved(gel, "newmark", stages=stages)
+    harder = moved(vary(gel, changes), "newmark", stages=stages)
+    assert min(s.force for s in harder.states) < min(s.force for s in plain.states)
+    assert ledger(harder).residual <= 1e-11
+
+
+def test_catching_costs_energy(gel: Scene) -> None:
+    """Tissue that swings back is caught by the needle at its own velocity."""
+    stages = (Stage(to=0.01), Stage(hold=0.02), Stage(to=0.006), Stage(hold=0.02))
+    scene = vary(gel, {"discretisation.time_step": 1e-3, "mesh.divisions": (10, 10)})
+    found = moved(scene, "generalised-alpha", stages=stages, speed=0.3)
+    grips = [
+        np.any((new.slipping[: old.whole] == 0) & (old.slipping[: old.whole] != 0))
+        for old, new in zip(found.states, found.states[1:], strict=False)
+        if new.whole >= old.whole > 1
+    ]
+    assert any(grips)
+    assert ledger(found).capture > 0.0
+    assert ledger(found).residual <= 1e-11
+
+
+def test_what_sticks_has_the_needles_velocity(gel: Scene) -> None:
+    simulation = Simulation(vary(gel, {"discretisation.integrator": "generalised-alpha"}))
+    stages = (Stage(to=0.01), Stage(to=0.0098))
+    motion = vary(simulation.scene, {"motion.stages": stages}).motion
+    course = simulation.course(simulation.entry_of_case(), motion)
+    old = None
+    for state in course.iterate():
+        if old is not None and state.slipping is not None and state.depth < old.depth:
+            whole = min(old.whole, state.whole)
+            stuck = np.flatnonzero((state.slipping[:whole] == 0) & (old.slipping[:whole] == 0))
+            way = state.moved[stuck, 0] - old.moved[stuck, 0]
+            assert way == pytest.approx(state.depth - old.depth, abs=1e-12)
+        old = state
+    assert old is not None
+    assert old.way is not Way.OUT
+
+
+def test_a_snap_is_survived(popping: Scene) -> None:
+    still = moved(popping, "quasi-static", max_depth=0.021)
+    found = moved(popping, "generalised-alpha", max_depth=0.021)
+    assert still.snaps
+    before = [state.tip[1] for state in found.states if state.depth < 0.016]
+    assert max(before) < 0.005
+    assert min(found.states[-1].tip[1], still.states[-1].tip[1]) > 0.018
+    assert found.outcome.status is Status.COMPLETED
+    assert ledger(found).residual <= 1e-11
+
+
+def test_viscoelastic_tissue_has_inertia_too(gel: Scene) -> None:
+    law = Viscoelastic(youngs_modulus=20e3, poissons_ratio=0.45, shares=(0.4,), times=(0.5,))
+    scene = vary(gel, {"materials.gel": law})
+    found = moved(scene, "generalised-alpha", stages=(Stage(to=0.01), Stage(hold=1.0)))
+    energies = ledger(found)
+    assert energies.relaxation > 0.0
+    assert energies.residual <= 1e-11
+
+
+@pytest.mark.parametrize("mass", ["consistent", "row-sum", "hrz"])
+def test_any_mass_that_the_element_has(gel: Scene, mass: str) -> None:
+    scene = vary(gel, {"discretisation.mass": mass})
+    assert ledger(moved(scene, "newmark", max_depth=0.005, speed=0.1)).residual <= 1e-11
+
+
+def test_a_mass_that_it_does_not_have_is_refused(popping: Scene) -> None:
+    with pytest.raises(CaseError, match="P2"):
+        moved(vary(popping, {"discretisation.mass": "row-sum"}), "newmark")
+
+
+# what rings
+
+
+def test_bound_motion_of_average_acceleration_rings() -> None:
+    assert bound_radius(Weights(0.0, 0.0, 0.25, 0.5)) == pytest.approx(1.0, abs=1e-7)
+    assert bound_radius(Weights(1 / 3, 4 / 9, 25 / 81, 11 / 18)) == pytest.approx(0.8, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"discretisation.integrator": "newmark", "discretisation.newmark_gamma": 0.5},
+        {"discretisation.integrator": "generalised-alpha", "discretisation.rho_inf": 1.0},
+    ],
+)
+def test_average_acceleration_is_refused(gel: Scene, changes: dict[str, object]) -> None:
+    simulation = Simulation(vary(gel, changes))
+    with pytest.raises(CaseError, match="newmark_gamma above 0.5, or generalised-alpha with rho"):
+        simulation.insert(simulation.entry_of_case())
+
+
+@pytest.fixture
+def pressed(gel: Scene) -> Callable[..., np.ndarray]:
+    """Return a function that presses on the skin at once and holds: the tip's force in time."""
+    model = build_model(gel)
+
+    def hold(integrator: object, **options: bool) -> np.ndarray:
+        simulation = Simulation(vary(gel, {"needle.cutting_force": 1e6}), model)
+        medium = DynamicMedium(TissueSystem(model, Damping(mass_rate=400.0)), integrator, **options)
+        instrument = simulation.instrument(simulation.entry_of_case())
+        stepping = Stepping(instrument, medium, model, Friction())
+        ticks = [Tick(1e-3 * n, 5e-4, 1e-3) for n in range(1, 301)]
+        return np.array([state.tip_force for state in stepping.iterate(ticks)])
+
+    return hold
+
+
+def test_the_tips_force_rings_where_it_is_not_refused(pressed: Callable[..., np.ndarray]) -> None:
+    ringing = pressed(Newmark(), refuse_ringing=False)
+    calm = pressed(GeneralizedAlpha(rho_inf=0.8))
+    assert np.ptp(ringing[-20:]) > np.mean(calm[-20:])
+    assert np.ptp(calm[-20:]) < 1e-3 * np.mean(calm[-20:])
+
+
+# what a case says
+
+
+def test_damping_by_ratios() -> None:
+    found = damping_of(Rayleigh(frequencies=(2.0, 10.0), ratios=(0.05, 0.05)))
+    assert found.ratio(2.0) == pytest.approx(0.05)
+    assert found.mass_rate == pytest.approx(1.0471975512)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        (Rayleigh(frequencies=(2.0, 10.0)), "2 frequencies and 0 ratios; give two of both"),
+        (Rayleigh(mass_rate=1.0, ratios=(0.1, 0.1)), "mass_rate or stiffness_time as well"),
+    ],
+)
+def test_damping_by_halves_is_refused(said: Rayleigh, message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        damping_of(said)
