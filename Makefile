@@ -96,6 +96,7 @@ bench: install
 	$(BIN)/needlefem bench plan $(RESOLVED)
 	$(BIN)/needlefem bench solvers $(RESOLVED)
 	$(BIN)/needlefem bench tissue $(RESOLVED)
+	$(BIN)/needlefem bench stepping $(PAPER)
 	$(BIN)/needlefem bench elements verification --out $(OUT)/bench
 	$(BIN)/needlefem bench integrators verification --out $(OUT)/bench
 
