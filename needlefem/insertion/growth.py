@@ -132,6 +132,8 @@ def climb(equations: StepEquations, depth: float) -> Solution | None:
     Solution, or None: the tip runs ahead at once.
     """
     start, track = equations.depth, equations.track
+    if depth <= start:  # a needle that goes back does not cut
+        return None
     low, high = track.length - track.arcs[-1], goal(equations)
     step = cut_to(equations, high, depth)
     if step is None or step.depth <= start + GAIN:

@@ -12,6 +12,7 @@ from needlefem.insertion.stepfield import StepField
 from needlefem.insertion.track import Track
 from needlefem.insertion.ways import Moment
 from needlefem.needle.contact import Contact
+from needlefem.needle.friction import Friction, refuse_noise
 from needlefem.needle.functionals import Piece, Trial
 
 THIN = 1e-9
@@ -137,3 +138,13 @@ def rebuilt(contact: Contact, pieces: Sequence[Piece]) -> Contact:
         trial = contact.try_functionals(Weights(piece.nodes, piece.weights[None]))
         contact.adopt(trial, 0, 0.0, piece.offset, piece.compliance)
     return contact
+
+
+def tell_apart(contact: Contact, track: Track, friction: Friction) -> None:
+    """Raise a `SimulationError` where the tissue can't tell the path's pieces apart that stick."""
+    count = len(contact.pieces)
+    if count:
+        contact.cover(count)
+        lengths = np.diff(track.arcs[:count])
+        compliance = contact.sliding().compliance[1:, 1:]  # the entry point has no friction
+        refuse_noise(compliance, friction.slack(lengths))

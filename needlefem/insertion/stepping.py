@@ -22,7 +22,7 @@ from needlefem.insertion.growth import goal, land, run_ahead
 from needlefem.insertion.handover import hand_over
 from needlefem.insertion.march import March
 from needlefem.insertion.media import Medium
-from needlefem.insertion.moments import free_state, pressing_state, rebuilt, settled
+from needlefem.insertion.moments import free_state, pressing_state, rebuilt, settled, tell_apart
 from needlefem.insertion.result import Ledger, Outcome, Snap, Status
 from needlefem.insertion.schedule import Tick
 from needlefem.insertion.skin import touch
@@ -86,6 +86,7 @@ class Stepping:
         self._spent = (0.0, 0.0)
         self._arc = 0.0
         self._count = 0
+        self._told_apart = False
 
     def iterate(self, ticks: Iterable[Tick]) -> Iterator[State]:
         """Yield the states one by one; stop early by not asking for more."""
@@ -128,6 +129,9 @@ class Stepping:
         if tick.time > self.state.time or tick.depth != self.state.depth:
             self.medium.begin(tick.duration)
             self._meet()
+            if tick.depth < self.state.depth and not self._told_apart:
+                tell_apart(self._contact, self.track, self.friction)
+                self._told_apart = True
             start = (self.state.time, self.state.depth)
             while self.state.time < tick.time or self.state.depth != tick.depth:
                 yield from self._advance(tick, start)

@@ -17,6 +17,10 @@ from needlefem.errors import SimulationError
 
 ROUND_OFF = 1e-14
 """Of the gradient, relative to the largest of its terms and times their number."""
+UNTOLD = (
+    "the tissue can't tell apart what sticks: the path's pieces are too short for the mesh; "
+    "lengthen discretisation.path_spacing or give needle.stick_stiffness"
+)
 NEWTON_STEPS = 12
 MOST_HALVINGS = 12
 
@@ -46,10 +50,7 @@ class _Problem:
             part = self.matrix[where[:, None], where]
             _, found, trouble = dposv(part, -gradient[where], lower=1, overwrite_a=1)
             if trouble:
-                raise SimulationError(
-                    "the tissue can't tell apart what sticks: the path's pieces are too short for "
-                    "the mesh; lengthen discretisation.path_spacing or give needle.stick_stiffness"
-                )
+                raise SimulationError(UNTOLD)
             step[where] = found
         return step
 

@@ -6,11 +6,13 @@ import numpy as np
 
 from needlefem.arrays import Bools, Floats
 from needlefem.errors import SimulationError
-from needlefem.needle.boxed import minimise
+from needlefem.needle.boxed import UNTOLD, minimise
 
 MOST_WEAKENINGS = 500
 SETTLED = 1e-12
 """Change of friction limits, relative to them, at which weakening has come to rest."""
+SINGULAR = 1e12
+"""Condition of the response of what sticks at which its forces are noise."""
 STUCK = 1e-13
 """Slip in a step that is none, m."""
 
@@ -50,6 +52,22 @@ class Friction:
         """Return the compliance of sticking of pieces of some lengths (m), m/N."""
         stiffness = self.stiffness * lengths
         return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+
+
+def refuse_noise(compliance: Floats, slack: Floats) -> None:
+    """Raise a `SimulationError` if the tissue can't tell apart pieces that stick.
+
+    Parameters
+    ----------
+    compliance : array, shape (n, n), m/N
+        Axial displacement of the pieces per axial force.
+    slack : array, shape (n,), m/N
+        Compliance of sticking itself.
+    """
+    if len(compliance):
+        values = np.linalg.eigvalsh(compliance + np.diag(slack))
+        if values[0] * SINGULAR <= values[-1]:
+            raise SimulationError(UNTOLD)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)

@@ -220,6 +220,14 @@ def test_too_short_pieces_are_refused(organ: Scene) -> None:
         checked(Simulation(vary(organ, changes)))
 
 
+def test_a_needle_that_turns_back_on_pieces_that_are_noise_is_stopped(organ: Scene) -> None:
+    found = moving(organ, Stage(to=0.02), Stage(to=0.01),
+                   **{"discretisation.path_spacing": 0.3e-3})  # fmt: skip
+    assert found.outcome.status is Status.NOT_CONVERGED
+    assert "can't tell apart what sticks" in found.outcome.sentence
+    assert found.states[-1].depth == pytest.approx(0.02)
+
+
 @pytest.mark.parametrize(
     ("stages", "says"),
     [
