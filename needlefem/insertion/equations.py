@@ -124,7 +124,6 @@ class StepEquations:
         self._slidings: dict[int, tuple[Sliding, Floats]] = {}
         self._front: Position | None = None
         self._guess: Floats | None = None
-        self._swings: list[Floats] = []
         self._slid = np.zeros(0) if start.slipping is None else start.slipping
         self._same = same = start.whole
         if same < min(track.count, len(start.axial)) and track.arcs[same] <= start.covered:
@@ -186,17 +185,18 @@ class StepEquations:
     def _lag(self, whole: int, travel: float) -> Floats | None:
         """Return how far what slid stays behind the needle if it sticks; None without inertia.
 
-        Of whole pieces that carried force before as well; the others stick by displacement.
+        Of whole pieces that carried force before as well; the others stick by displacement. As
+        far as it is inertia that holds a piece, it goes half the needle's way and half its own,
+        by the measure that is less behind.
         """
-        field, same = self.contact.swing, min(whole, self._same)
-        if field is None:
+        swing, same = self.contact.swing, min(whole, self._same)
+        if swing is None:
             return None
-        direction, known = self.instrument.axis.direction, self._swings
-        for piece in self.contact.pieces[len(known) : same]:
-            known.append(piece.weights @ (field[:, piece.nodes] @ direction).T)
         slid, found = self._slid[:same], np.zeros(whole + 1)
-        late = slid * (0.5 * travel - np.reshape(known[:same], (same, 2)).T)
-        found[:same] = slid * np.maximum(np.min(late, axis=0), 0.0)
+        late = np.min(slid * (0.5 * travel - swing[:2, :same]), axis=0)
+        held = np.diagonal(self._slidings[whole][0].compliance)[:same]
+        share = np.minimum(held / swing[2, :same], 1.0)
+        found[:same] = share * slid * np.maximum(late, 0.0)
         return found
 
     # forces at a position

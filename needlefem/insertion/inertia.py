@@ -6,11 +6,13 @@ moves half a step late and from then on with the needle, without ringing. The ti
 point, and the shaft across, are bound by displacement; the integrator must damp what rings then.
 """
 
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem.arrays import Floats, Vector
 from needlefem.dynamics import (
     Damping,
     EnergyLedger,
@@ -21,9 +23,11 @@ from needlefem.dynamics import (
 )
 from needlefem.dynamics.steppers import ImplicitStepper, Weights
 from needlefem.errors import CaseError, SimulationError
+from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.insertion.media import responses_of
+from needlefem.needle.functionals import Piece
 from needlefem.scene import Rayleigh, Scene
 
 RINGS = 1.0 - 1e-9
@@ -92,7 +96,7 @@ class DynamicMedium:
         self._forces, self._needed, self._pace = np.zeros((3, system.size))
         self.motion: Motion | None = None
         self.background: Floats | None = None
-        self.swing: Floats | None = None
+        self._loose: list[float] = []
         self.responses: Responses
 
     def begin(self, duration: float) -> None:
@@ -109,8 +113,24 @@ class DynamicMedium:
         carried = share * self._forces if share else None
         self._free = self._stepper.free_motion(self.motion, carried)
         self.background = self.system.nodal(self._free)
-        ways = 0.5 * duration * self.motion.v, 0.5 * duration * self._pace
-        self.swing = np.array([self.system.nodal(way) for way in ways])
+
+    def swing(self, pieces: Sequence[Piece], direction: Vector) -> Floats:
+        """See `Medium`."""
+        assert self.motion is not None
+        half, weights = 0.5 * self._stepper.step, self._stepper.weights
+        fields = [self.system.nodal(half * v) @ direction for v in (self.motion.v, self._pace)]
+        ways = [[piece.weights @ field[piece.nodes] for piece in pieces] for field in fields]
+        for piece in pieces[len(self._loose) :]:
+            load = np.zeros((self.model.nnodes, self.model.dim))
+            load[piece.nodes] = piece.weights[:, None] * direction
+            force = self.model.dof_vector(load)[self.model.free_dofs]
+            self._loose.append(float(force @ self._mass.solve(force)))
+        inertia = weights.beta * self._stepper.step**2 / (1.0 - weights.mass)
+        return np.array([*ways, (1.0 - weights.force) * inertia * np.array(self._loose)])
+
+    @cached_property
+    def _mass(self) -> Factor:
+        return self.system.factor(1.0, 0.0, 0.0)
 
     def _ready(self, duration: float) -> tuple[ImplicitStepper, Responses]:
         stepper = self.integrator.stepper(self.system, duration)

@@ -1,16 +1,18 @@
 """Tissue as a needle stepped in time meets it: an operator, and the motion without the needle."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem.arrays import Floats, Vector
 from needlefem.dynamics import EnergyLedger, Motion, TissueSystem
 from needlefem.dynamics.steppers import StaticStepper
 from needlefem.errors import SimulationError
 from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 from needlefem.fem.responses import DirectResponses, Responses, SharedResponses
+from needlefem.needle.functionals import Piece
 
 MOST_SHARED_UNKNOWNS = 10_000
 """Above, the needle's corridor has so many nodes that one solve a load is cheaper."""
@@ -35,18 +37,19 @@ class Medium(Protocol):
         Whether a step may be of any duration, and cut short where something happens.
     inertial : bool
         Whether velocity persists.
-    swing : array, shape (2, nnodes, dim), m, or None
-        See `Contact`; None: without inertia.
     """
 
     responses: Responses
     background: Floats | None
     timeless: bool
     inertial: bool
-    swing: Floats | None
 
     def begin(self, duration: float) -> None:
         """Prepare a step."""
+        ...
+
+    def swing(self, pieces: Sequence[Piece], direction: Vector) -> Floats | None:
+        """Return how pieces of a needle in a direction swing, see `Contact`; None: no inertia."""
         ...
 
     def finish(self, load: Floats) -> None:
@@ -63,13 +66,15 @@ class ElasticMedium:
 
     timeless, inertial = True, False
     background: Floats | None = None
-    swing: Floats | None = None
 
     def __init__(self, responses: Responses) -> None:
         self.responses = responses
 
     def begin(self, duration: float) -> None:
         """See `Medium`: there is nothing to prepare."""
+
+    def swing(self, pieces: Sequence[Piece], direction: Vector) -> None:
+        """See `Medium`."""
 
     def finish(self, load: Floats) -> None:
         """See `Medium`: there is nothing to remember."""
@@ -83,7 +88,6 @@ class ViscoelasticMedium:
     """Equilibrium at the end of every step, with the memory of branches; see `Medium`."""
 
     timeless, inertial = False, False
-    swing: Floats | None = None
 
     def __init__(self, model: Model) -> None:
         self.model, self.system = model, TissueSystem(model)
@@ -108,6 +112,9 @@ class ViscoelasticMedium:
             self._motion = self._stepper.start(rest, rest)
         self._free = self._stepper.free_motion(self._motion)
         self.background = self.system.nodal(self._free)
+
+    def swing(self, pieces: Sequence[Piece], direction: Vector) -> None:
+        """See `Medium`."""
 
     def finish(self, load: Floats) -> None:
         """See `Medium`."""

@@ -145,7 +145,8 @@ class Stepping:
         if not hasattr(self, "_contact") or self._contact.responses is not medium.responses:
             fresh = Contact(medium.responses, self.instrument.axis.frame)
             self._contact = rebuilt(fresh, self.pieces)
-        self._contact.background, self._contact.swing = medium.background, medium.swing
+        self._contact.background = medium.background
+        self._contact.swing = medium.swing(self.pieces, self.instrument.axis.direction)
         self._contact.balance()
 
     def _advance(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:

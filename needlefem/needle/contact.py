@@ -32,10 +32,10 @@ class Contact:
 
     Attributes
     ----------
-    swing : array, shape (2, nnodes, dim), m, or None
-        Half the way that tissue with inertia would go in this step at the velocity at its start,
-        and at its mean velocity in the step before. What slid and now sticks goes the shorter one,
-        if that is behind the needle, and half the needle's.
+    swing : array, shape (3, npieces), or None
+        Of tissue with inertia, for each piece along the needle: half the way that it would go in
+        this step at the velocity at its start, and at its mean velocity in the step before, m;
+        and its compliance if inertia alone held it, m/N.
     """
 
     def __init__(

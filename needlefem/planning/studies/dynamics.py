@@ -27,7 +27,11 @@ BOUND = 1e-5
 """Largest difference of the material point at the tip at the paper's speed and below, m."""
 SLOW = 0.005
 """The paper's speed, m/s."""
-CYCLES, LEAK = 20, 1e-9
+CYCLES, LEAK, GIVEN = 20, 1e-9, 1e-8
+"""Times to and fro; what may be missing, and what friction, cutting or snaps may give in a step,
+of the turnover. Steps at fixed times are not cut where the tip begins to, from beside the axis."""
+NEAR = 0.01
+"""Difference of the force after them to that without inertia."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
@@ -142,6 +146,9 @@ def at_length(scene: Scene) -> Table:
         title=f"{CYCLES} times to and fro with holds, static over kinetic friction 1.5",
         columns=("tissue", "steps", "status", "force half way", "at last", "ledger", "given"),
         rows=rows,
-        passed=all(row[-2] <= LEAK and row[-1] <= LEAK for row in rows),
+        passed=all(
+            row[-2] <= LEAK and row[-1] <= GIVEN and abs(row[4] / rows[0][4] - 1.0) <= NEAR
+            for row in rows
+        ),
         note="forces (N/m) with the needle at its depth",
     )
