@@ -6,8 +6,8 @@ import numpy as np
 
 from needlefem.checks.models import rectangle
 from needlefem.checks.problem import Answer, Findings, Problem
+from needlefem.checks.scenes import organ_in_gel
 from needlefem.checks.tissue import reciprocity
-from needlefem.contour import Contour
 from needlefem.elements import CATALOGUE
 from needlefem.fem.build import build_mesh, build_model
 from needlefem.insertion.fields import displacements
@@ -16,20 +16,8 @@ from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import Way
 from needlefem.materials import Isotropic
-from needlefem.scene import (
-    BoxMesh,
-    Discretisation,
-    Motion,
-    Needle,
-    Region,
-    Scene,
-    Stage,
-    Support,
-    vary,
-)
+from needlefem.scene import Scene, Stage, vary
 
-TURN = 2.0 * np.pi * np.arange(32) / 32
-ORGAN = np.array([0.036, 0.025]) + 0.012 * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
 FRAMES = {
     "shifted": (0.0, (0.02, -0.01), False),
     "turned by 90 degrees": (0.5 * np.pi, (0.0, 0.0), False),
@@ -42,32 +30,17 @@ FRAMES = {
 
 def scene(element: str, friction: float = 10e3) -> Scene:
     """Return an organ in gel and a needle that goes in, rests, out in part, in again, and out."""
-    return Scene(
-        title="frames",
-        axes=("y", "z"),
-        mesh=BoxMesh(size=(0.06, 0.06), divisions=(16, 16)),
-        materials={
-            "gel": Isotropic(youngs_modulus=30e3, poissons_ratio=0.45),
-            "stiff": Isotropic(youngs_modulus=90e3, poissons_ratio=0.45),
-        },
-        background="gel",
-        regions={"organ": Region(contour=Contour(ORGAN), material="stiff")},
-        supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element=element, path_spacing=1.5e-3),
-        needle=Needle(tip_radius=2e-3, cutting_force=50.0, shaft_friction=friction),
-        motion=Motion(
-            direction=(0.0, 1.0),
-            entry=(0.0287, 0.0),
-            max_depth=0.035,
-            stages=(
-                Stage(to=0.03),
-                Stage(hold=1.0),
-                Stage(to=0.01, release="seed"),
-                Stage(to=0.032),
-                Stage(to=-0.001),
-            ),
-        ),
+    stages = (
+        Stage(to=0.03),
+        Stage(hold=1.0),
+        Stage(to=0.01, release="seed"),
+        Stage(to=0.032),
+        Stage(to=-0.001),
     )
+    return organ_in_gel(
+        element, 16, 1.5e-3, max_depth=0.035, stages=stages, tip_radius=2e-3, friction=friction,
+        corners=32,
+    )  # fmt: skip
 
 
 def moved(plain: Scene, angle: float, shift: tuple[float, float], mirror: bool) -> Insertion:

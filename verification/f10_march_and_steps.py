@@ -3,46 +3,21 @@
 import numpy as np
 
 from needlefem.checks.problem import Answer, Curve, Findings, Problem
-from needlefem.contour import Contour
+from needlefem.checks.scenes import MODULI, organ_in_gel
 from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import Way
-from needlefem.materials import Isotropic, Viscoelastic
-from needlefem.scene import (
-    BoxMesh,
-    Discretisation,
-    Motion,
-    Needle,
-    Region,
-    Scene,
-    Support,
-    vary,
-)
+from needlefem.materials import Viscoelastic
+from needlefem.scene import Scene, vary
 
-TURN = 2.0 * np.pi * np.arange(48) / 48
-ORGAN = np.array([0.036, 0.025]) + 0.012 * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
 SPACINGS = (2.4e-3, 1.2e-3, 0.6e-3)
-MODULI = {"gel": 30e3, "stiff": 90e3}
 
 
 def scene(spacing: float) -> Scene:
     """Return an organ in gel that a needle passes beside its middle."""
-    return Scene(
-        title="march and steps",
-        axes=("y", "z"),
-        mesh=BoxMesh(size=(0.06, 0.06), divisions=(30, 30)),
-        materials={
-            name: Isotropic(youngs_modulus=modulus, poissons_ratio=0.45)
-            for name, modulus in MODULI.items()
-        },
-        background="gel",
-        regions={"organ": Region(contour=Contour(ORGAN), material="stiff")},
-        supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element="P2", path_spacing=spacing, kernel_points=200),
-        needle=Needle(tip_radius=3e-3, cutting_force=50.0, shaft_friction=10e3),
-        motion=Motion(direction=(0.0, 1.0), entry=(0.0287, 0.0), max_depth=0.03),
-    )
+    plain = organ_in_gel("P2", 30, spacing, max_depth=0.03)
+    return vary(plain, {"discretisation.kernel_points": 200})
 
 
 def in_depth(marched: Insertion, spacing: float, step: float) -> float:

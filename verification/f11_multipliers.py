@@ -4,50 +4,22 @@ import numpy as np
 
 from needlefem.checks.needle import sticking_pieces
 from needlefem.checks.problem import Answer, Findings, Problem
-from needlefem.contour import Contour
+from needlefem.checks.scenes import SIZE, organ_in_gel
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import State
-from needlefem.materials import Isotropic
-from needlefem.scene import (
-    BoxMesh,
-    Discretisation,
-    Motion,
-    Needle,
-    Region,
-    Scene,
-    Stage,
-    Support,
-    vary,
-)
+from needlefem.scene import Scene, Stage, vary
 
-TURN = 2.0 * np.pi * np.arange(48) / 48
-ORGAN = np.array([0.036, 0.025]) + 0.012 * np.stack([np.cos(TURN), np.sin(TURN)], axis=1)
-SIZE, DEPTH, BACK = 0.06, 0.03, 0.5e-3
+DEPTH, BACK = 0.03, 0.5e-3
+"""How far in, and how far back then, m."""
 DIVISIONS = (15, 30, 60)
 """Of the square's sides."""
 
 
 def scene(element: str, divisions: int, share: float) -> Scene:
     """Return a needle that goes in and a little back, with pieces of a share of an element."""
-    return Scene(
-        title="multipliers",
-        axes=("y", "z"),
-        mesh=BoxMesh(size=(SIZE, SIZE), divisions=(divisions, divisions)),
-        materials={
-            "gel": Isotropic(youngs_modulus=30e3, poissons_ratio=0.45),
-            "stiff": Isotropic(youngs_modulus=90e3, poissons_ratio=0.45),
-        },
-        background="gel",
-        regions={"organ": Region(contour=Contour(ORGAN), material="stiff")},
-        supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element=element, path_spacing=share * SIZE / divisions),
-        needle=Needle(tip_radius=3e-3, cutting_force=50.0, shaft_friction=10e3),
-        motion=Motion(
-            direction=(0.0, 1.0),
-            entry=(0.0287, 0.0),
-            max_depth=DEPTH,
-            stages=(Stage(to=DEPTH), Stage(to=DEPTH - BACK)),
-        ),
+    stages = Stage(to=DEPTH), Stage(to=DEPTH - BACK)
+    return organ_in_gel(
+        element, divisions, share * SIZE / divisions, max_depth=DEPTH, stages=stages
     )
 
 
