@@ -10,6 +10,7 @@ from needlefem.needle.contact import Contact
 from needlefem.needle.friction import Friction, Rub
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import PointKernel, cross_section
+from needlefem.needle.straight import straight_path
 
 LATERAL_STIFFNESS = 1e9
 """Of the hold on the axis, N/m^3; where tissue moves along the axis alone it does nothing."""
@@ -104,10 +105,4 @@ def _path(model: Model, ends: tuple[Vector, Vector], pieces: int, thickness: flo
         lateral_stiffness=LATERAL_STIFFNESS,
         spacing=float(np.linalg.norm(end - start)) / pieces,
     )
-    contact = Contact(SharedResponses(model), instrument.axis.frame)
-    compliance = 1.0 / (LATERAL_STIFFNESS * instrument.spacing)
-    for number in range(pieces):
-        last, tip = (start + (end - start) * share / pieces for share in (number, number + 1))
-        trial = contact.try_functionals(instrument.tip_and_piece(tip, last))
-        contact.adopt(trial, 1, 0.0, np.zeros(model.dim - 1), compliance)
-    return contact
+    return straight_path(instrument, SharedResponses(model), pieces)

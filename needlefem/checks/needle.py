@@ -5,7 +5,8 @@ import numpy as np
 from needlefem.checks.result import CheckResult
 from needlefem.fem.mesh import cell_sizes
 from needlefem.insertion.simulation import Simulation
-from needlefem.needle.contact import Contact
+from needlefem.needle.friction import Friction, stick_condition
+from needlefem.needle.straight import straight_path
 
 STICK_CONDITION = 1e9
 """Condition of the response of what sticks from which on its forces are noise: round-off of the
@@ -40,21 +41,14 @@ def sticking_pieces(simulation: Simulation) -> CheckResult:
     """
     entry = simulation.entry_of_case()
     instrument, scene = simulation.instrument(entry), simulation.scene
-    axis, spacing = instrument.axis, instrument.spacing
-    contact = Contact(simulation.responses, axis.frame)
+    spacing = instrument.spacing
     count = max(2, int(scene.motion.max_depth / spacing))
-    hold = 1.0 / (instrument.lateral_stiffness * spacing)
-    for number in range(count):
-        ends = axis.tip((number + 1) * spacing), axis.tip(number * spacing)
-        trial = contact.try_functionals(instrument.tip_and_piece(*ends))
-        contact.adopt(trial, 1, 0.0, np.zeros(len(axis.laterals)), hold)
-    give = scene.needle.stick_stiffness * spacing
-    compliance = contact.sliding().compliance + (np.eye(count) / give if give else 0.0)
-    values = np.linalg.eigvalsh(compliance)
+    path = straight_path(instrument, simulation.responses, count)
+    slack = Friction(stiffness=scene.needle.stick_stiffness).slack(np.full(count, spacing))
     return CheckResult(
         name="sticking pieces",
         requirement="pieces of the path are long enough for the mesh to tell their sticking apart; "
         "lengthen discretisation.path_spacing or give needle.stick_stiffness",
-        value=float(values[-1] / max(values[0], 1e-300)),
+        value=stick_condition(path.sliding().compliance, slack),
         bound=STICK_CONDITION,
     )

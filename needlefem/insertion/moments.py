@@ -1,5 +1,6 @@
 """What was found of a step becomes a state, with all forces recovered."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -53,20 +54,10 @@ def pressing_state(track: Track, trial: Trial, forces: Floats, time: float, dept
     time : float, s
     depth : float, m
     """
-    weights, dim = trial.weights, len(forces)
-    return State(
-        depth=depth,
-        tip=track.instrument.axis.entry,
+    return dataclasses.replace(
+        free_state(track, trial.weights, time, depth),
         tip_force=float(forces[0]),
-        cutting_force=track.instrument.cutting_force_at(weights),
         tip_lateral=forces[1:],
-        tip_nodes=weights.nodes,
-        tip_weights=weights.rows[0],
-        axial=np.zeros(0),
-        lateral=np.zeros((0, dim - 1)),
-        moved=np.zeros((0, dim)),
-        time=time,
-        slipping=np.zeros(0, dtype=int),
         way=Way.PRESSING,
         tip_moved=float(trial.displacement[0] + trial.bare[0] @ forces),
     )

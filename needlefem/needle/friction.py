@@ -54,8 +54,8 @@ class Friction:
         return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
 
 
-def refuse_noise(compliance: Floats, slack: Floats) -> None:
-    """Raise a `SimulationError` if the tissue can't tell apart pieces that stick.
+def stick_condition(compliance: Floats, slack: Floats) -> float:
+    """Return the condition of the response of pieces that stick; beyond all bounds if singular.
 
     Parameters
     ----------
@@ -64,10 +64,17 @@ def refuse_noise(compliance: Floats, slack: Floats) -> None:
     slack : array, shape (n,), m/N
         Compliance of sticking itself.
     """
-    if len(compliance):
-        values = np.linalg.eigvalsh(compliance + np.diag(slack))
-        if values[0] * SINGULAR <= values[-1]:
-            raise SimulationError(UNTOLD)
+    values = np.linalg.eigvalsh(compliance + np.diag(slack))
+    return float(values[-1] / max(values[0], 1e-300))
+
+
+def refuse_noise(compliance: Floats, slack: Floats) -> None:
+    """Raise a `SimulationError` if the tissue can't tell apart pieces that stick.
+
+    Parameters are those of `stick_condition`.
+    """
+    if len(compliance) and stick_condition(compliance, slack) >= SINGULAR:
+        raise SimulationError(UNTOLD)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
