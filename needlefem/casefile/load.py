@@ -19,15 +19,14 @@ from needlefem.scene import (
     Planning,
     Rayleigh,
     Scene,
-    Support,
     TargetDraw,
 )
 
 SCHEMA_VERSION = 1
 SECTIONS = (
     "schema_version", "title", "axes", "mesh", "tissue", "materials", "regions", "supports",
-    "damping", "discretisation", "needle", "motion", "target", "planning", "targets", "outputs",
-    "expect", "frame",
+    "obstacles", "damping", "discretisation", "needle", "motion", "target", "planning", "targets",
+    "outputs", "expect", "frame",
 )  # fmt: skip
 
 
@@ -102,16 +101,17 @@ def read_scene(data: Table, folder: Path) -> Scene:
     target = table(data, "target") if "target" in data else None
     if target is not None:
         refuse_unknown(target, ("point",), "target")
+    regions = {n: reader.region(t, n) for n, t in tables(data, "regions").items()}
+    obstacles = tables(data, "obstacles")
     scene = Scene(
         title=str(data.get("title", "untitled")),
         axes=axes,
         mesh=reader.mesh(table(data, "mesh")),
         materials={n: reader.material(t, n) for n, t in tables(data, "materials").items()},
         background=str(required(tissue, "background", "tissue")),
-        regions={n: reader.region(t, n) for n, t in tables(data, "regions").items()},
-        supports={
-            n: reader.fill(Support, t, f"supports.{n}") for n, t in tables(data, "supports").items()
-        },
+        regions=regions,
+        supports={n: reader.support(t, n) for n, t in tables(data, "supports").items()},
+        obstacles={n: reader.obstacle(t, n, regions) for n, t in obstacles.items()},
         plane=plane,
         damping=reader.fill(Rayleigh, data.get("damping", {}), "damping"),
         discretisation=reader.fill(
@@ -139,6 +139,15 @@ def _check_names(scene: Scene) -> None:
     if scene.targets is not None and scene.targets.region not in scene.regions:
         name = scene.targets.region
         raise CaseError("targets.region", f"no region '{name}'", nearest(name, scene.regions))
+    for n, support in scene.supports.items():
+        for name in support.regions:
+            if name not in scene.regions:
+                remedy = nearest(name, scene.regions)
+                raise CaseError(f"supports.{n}.regions", f"no region '{name}'", remedy)
+    for direction in scene.planning.directions:
+        if len(direction) != scene.dim or not any(direction):
+            remedy = f"give {scene.dim} numbers each, not all zero"
+            raise CaseError("planning.directions", f"{list(direction)}", remedy)
     low, high = scene.planning.height_range
     if low >= high:
         raise CaseError("planning.height_range", f"{low:g} to {high:g} m is empty", "swap the ends")

@@ -3,6 +3,7 @@
 import dataclasses
 import types
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,14 @@ import numpy as np
 from needlefem.arrays import SkfemMesh
 from needlefem.casefile.contourfile import read_contour
 from needlefem.casefile.tables import Table, dotted, refuse_unknown, required
-from needlefem.errors import CaseError
+from needlefem.contour import Contour
+from needlefem.errors import CaseError, nearest
 from needlefem.fem.mesh import group_cells, outline
 from needlefem.fem.meshfile import read_mesh
 from needlefem.knobs import Knob, check_ranges, knob_of
 from needlefem.materials import Material, law_class, split
 from needlefem.materials.tissues import tissue_table
-from needlefem.scene import BoxMesh, FileMesh, Motion, Region
+from needlefem.scene import BoxMesh, FileMesh, Motion, Obstacle, Region, Support
 from needlefem.units import parse_quantity
 
 DIMENSIONS = {
@@ -120,14 +122,38 @@ class Reader:
             around = outline(self._mesh, group_cells(self._mesh, group, f"{prefix}.group"))
             of_group: Region = self.fill(Region, rest, prefix, contour=around)
             return of_group
+        inside: Region = self.fill(Region, rest, prefix, contour=self._contour(table, prefix))
+        return inside
+
+    def _contour(self, table: Table, prefix: str) -> Contour:
+        """Read a contour's file, and move it by an offset if there is one."""
         file = self.folder / str(required(table, "contour", prefix))
         contour = read_contour(file, f"{prefix}.contour")
         if "offset" in table:
             contour = contour.moved(np.array(self.point(table, "offset", prefix)))
-        known = [f.name for f in dataclasses.fields(Region)] + ["offset"]
-        refuse_unknown(table, known, prefix)
-        inside: Region = self.fill(Region, rest, prefix, contour=contour)
-        return inside
+        return contour
+
+    def support(self, table: Table, name: str) -> Support:
+        """Read [supports.NAME]: faces, regions or both."""
+        found: Support = self.fill(Support, table, f"supports.{name}")
+        if not (found.faces or found.regions):
+            raise CaseError(f"supports.{name}.faces", "missing", "name faces or regions to hold")
+        return found
+
+    def obstacle(self, table: Table, name: str, regions: Mapping[str, Region]) -> Obstacle:
+        """Read [obstacles.NAME]: a region of the tissue, or a contour's file and offset."""
+        prefix = f"obstacles.{name}"
+        if "region" in table:
+            region = str(table["region"])
+            if region not in regions:
+                remedy = nearest(region, regions)
+                raise CaseError(f"{prefix}.region", f"no region '{region}'", remedy)
+            contour, rest = regions[region].contour, table
+        else:
+            contour = self._contour(table, prefix)
+            rest = {key: value for key, value in table.items() if key not in ("contour", "offset")}
+        found: Obstacle = self.fill(Obstacle, rest, prefix, contour=contour)
+        return found
 
     def motion(self, table: Table) -> Motion:
         """Read [motion]; the direction is made a unit vector."""

@@ -38,7 +38,7 @@ def main(options: argparse.Namespace) -> int:
         if not options.no_pictures:
             from needlefem.output.planpictures import draw_plan  # noqa: PLC0415
 
-            for path in draw_plan(scene, found, folder):
+            for path in draw_plan(found.insertion.scene, found, folder):
                 if not options.json:
                     say(f"wrote {path}")
     if found.status is not PlanStatus.PLANNED:
@@ -47,7 +47,12 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
-    say(f"{scene.title}: {found.status}, {found.sentence}")
+    along = ", ".join(f"{x:.3g}" for x in found.insertion.axis.direction)
+    turned = f" along ({along})" if found.refusals else ""
+    say(f"{scene.title}: {found.status}{turned}, {found.sentence}")
+    for refusal in found.refusals:
+        along = ", ".join(f"{x:.3g}" for x in refusal.direction)
+        say(f"  along ({along}): {refusal.status}, {refusal.sentence}")
     lines = {"release at": found.best, "unplanned": found.unplanned, "depth only": found.depth_only}
     for name, release in lines.items():
         if release is not None:
@@ -55,6 +60,8 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
                 f"  {name:11s} {centimetres(release.release_point)} -> "
                 f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
             )
+    for passing in found.passings:
+        say(f"  the needle {passing}")
     for line in scanner_lines(record["scanner"]):
         say(line)
     say(f"  {found.insertions} insertions ({found.search}), target {centimetres(found.target)}")

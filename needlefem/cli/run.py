@@ -12,6 +12,7 @@ from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.validity import validity
+from needlefem.needle.clearance import passings
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
 from needlefem.output.histories import History, recorded
@@ -70,6 +71,9 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     energies = ledger(insertion)
     strains = validity(insertion, len(insertion.states) - 1)
     warnings = [*simulation.resolved.warnings, *strains.warnings()]
+    deepest = max(float(insertion.depths.max()), 0.0)
+    passed = passings(insertion.scene, insertion.axis, deepest)
+    warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]
     if insertion.snaps:
         warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
     return {

@@ -30,7 +30,7 @@ class Model(Space):
     materials : mapping
         Material of every subdomain.
     supports : mapping
-        Faces on which components are held at zero.
+        Faces and subdomains in which components are held at zero.
     axes : sequence of str
         Names of the axes.
     plane : str
@@ -69,11 +69,14 @@ class Model(Space):
             for axis in set(support.fixed) - set(self.axes):
                 options = ", ".join(self.axes)
                 raise CaseError(f"supports.{name}.fixed", f"no axis '{axis}'", f"one of {options}")
+            components = [self.axes.index(axis) for axis in support.fixed or self.axes]
+            for region in support.regions:
+                nodes = np.unique(self.cell_nodes[self.mesh.subdomains[region]])
+                held.append(self.node_dofs[nodes][:, components].ravel())
             for face in support.faces:
                 if face not in self.mesh.boundaries:
                     options = "those present are " + ", ".join(sorted(self.mesh.boundaries))
                     raise CaseError(f"supports.{name}.faces", f"no face '{face}'", options)
-                components = [self.axes.index(axis) for axis in support.fixed or self.axes]
                 held.append(self.dofs_on(self.mesh.boundaries[face], components))
         return np.unique(np.concatenate(held))
 

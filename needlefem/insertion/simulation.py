@@ -117,7 +117,10 @@ class Simulation:
 
     def _check(self, entry: Entry) -> None:
         faces = {face for support in self.scene.supports.values() for face in support.faces}
-        held = [self.model.mesh.boundaries[face] for face in sorted(faces)]
+        mesh = self.model.mesh
+        held = [mesh.boundaries[face] for face in sorted(faces)]
+        for support in self.scene.supports.values():
+            held += [mesh.t2f[:, mesh.subdomains[name]].ravel() for name in support.regions]
         facets = np.concatenate(held) if held else np.zeros(0, dtype=np.intp)
         check_entry(entry, self.direction, facets)
 

@@ -19,6 +19,7 @@ SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 LAYER = 1e-3
 """Distance of one layer from the next, m: higher ones cover lower ones."""
 SKIN_LAYER = 2
+OBSTACLE_LAYER = 2.2
 FULL = 600.0
 """Height of a panel, pixels, below which lines get thinner with it."""
 
@@ -135,6 +136,13 @@ class Canvas:
         data = self._pv.PolyData(at, faces=[len(at), *range(len(at))])
         self.add(data, color=colour)
         return data
+
+    def obstacle(self, corners: Points) -> None:
+        """Fill and outline a polygon, convex or not, that is fixed in the world."""
+        at = self.plane(corners, OBSTACLE_LAYER)
+        filled = self._pv.PolyData(at, faces=[len(at), *range(len(at))]).triangulate()
+        self.add(filled, color=self.style.obstacle)
+        self.polyline(corners, self.style.needle, 2.0, OBSTACLE_LAYER + 0.1, closed=True)
 
     def needle_corners(self, tip: Vector, radius: float, length: float) -> Floats:
         """Return the needle's outline, tip first; `length` (m) of it is shown."""

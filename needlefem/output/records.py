@@ -9,7 +9,7 @@ from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion, Ledger, Seed
-from needlefem.planning.result import Evidence, Plan, Release
+from needlefem.planning.result import Barred, Evidence, Plan, Release
 from needlefem.planning.search import Solution
 from needlefem.scene import Scene
 from needlefem.scene.meshing import Coordinates
@@ -48,7 +48,17 @@ def plan_record(plan: Plan) -> dict[str, Any]:
         "other_solutions": plan.other_solutions,
         "scan_insertions": plan.scan_insertions,
         "snaps": len(plan.insertion.snaps),
+        "direction": plan.insertion.axis.direction,
+        "obstacles": [dataclasses.asdict(passing) for passing in plan.passings],
+        "barred": _barred_record(plan.barred),
+        "refused": [dataclasses.asdict(refusal) for refusal in plan.refusals],
     } | ({} if plan.evidence is None else _evidence_record(plan.evidence))
+
+
+def _barred_record(barred: Barred | None) -> dict[str, Any] | None:
+    if barred is None:
+        return None
+    return dataclasses.asdict(barred.release) | dataclasses.asdict(barred.passing)
 
 
 def _evidence_record(evidence: Evidence) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from needlefem.scene import Scene
 
 POINTS = ("target", "release_point", "placed_at", "released_at", "now_at")
 """Keys of a record that are points of the case."""
-NESTED = ("unplanned", "depth_only", "seeds", "ours")
+NESTED = ("unplanned", "depth_only", "barred", "seeds", "ours")
 """Keys of a record with such points below them."""
 
 
@@ -25,7 +25,8 @@ def with_scanner(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     frame = scene.frame
     if frame is None:
         return {**record, "frame": None, "scanner": None}
-    found = {"space": frame.space, "direction": frame.turned(np.array(scene.motion.direction))}
+    direction = record.get("direction", scene.motion.direction)
+    found = {"space": frame.space, "direction": frame.turned(np.array(direction))}
     return {**record, "frame": dataclasses.asdict(frame), "scanner": found | _points(record, frame)}
 
 

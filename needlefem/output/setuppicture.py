@@ -65,6 +65,8 @@ class _Setup:
             canvas.skin(self.mesh, points)
         for region in self.scene.regions.values():
             canvas.contour(region.contour.points)
+        for obstacle in self.scene.obstacles.values():
+            canvas.obstacle(obstacle.contour.points)
         room = 0.07 * self.span
         ends = np.array([self.low - room, self.high + room + np.array([0.25 * self.span, 0.0])])
         self.panel.look(Window.around(ends, 0.02))
@@ -129,6 +131,9 @@ class _Setup:
         for name, support in scene.supports.items():
             held = f" ({', '.join(support.fixed)})" if support.fixed else ""
             found.append((style.support, f"{name}: held{held}"))
+        for name, obstacle in scene.obstacles.items():
+            away = f"{100 * obstacle.clearance:.2f} cm"
+            found.append((style.obstacle, f"{name}: keep {away} away"))
         found.append((style.path, f"entry {_centimetres(self.axis.entry)}"))
         if scene.target is not None:
             found.append((style.target, f"target {_centimetres(scene.target)}"))

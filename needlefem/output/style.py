@@ -21,6 +21,7 @@ class Style:
     seed: str = "#0072B2"
     target: str = "#D55E00"
     path: str = "#009E73"
+    obstacle: str = "#8c8f94"
     support: str = "#56606b"
     folded: str = "#D55E00"
     text: str = "#202020"

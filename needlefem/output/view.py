@@ -63,6 +63,8 @@ class TissueView:
         self._skin = canvas.skin(mesh, start.vertices) if mesh.dim() == 2 else None
         self._draw(start)
         self._lines = [canvas.contour(ring, self._ink) for ring in start.contours]
+        for obstacle in film.insertion.scene.obstacles.values():
+            canvas.obstacle(obstacle.contour.points)
 
     @property
     def _ink(self) -> str:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from needlefem.insertion.ledger import ledger
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
 from needlefem.planning.planner import Planner
-from needlefem.planning.result import Evidence, Plan
-from needlefem.scene import Scene
+from needlefem.planning.result import Evidence, Plan, PlanStatus, Refusal
+from needlefem.scene import Scene, vary
 
 
 def plan(
@@ -42,6 +43,9 @@ def plan(
     watch : callable, optional
         Called with every state of every insertion.
 
+    Where obstacles leave no height that hits, the scene's further directions are tried in turn; the
+    first along which a plan succeeds wins, or else that with the least error.
+
     Raises
     ------
     CaseError
@@ -52,11 +56,43 @@ def plan(
     chosen = target if target is not None else scene.target
     if chosen is None:
         raise CaseError("target.point", "missing", "give a target to plan for")
+    point = np.asarray(chosen, dtype=float)
+    found = [_along(scene, point, search, all_solutions, watch)]
+    for direction in scene.planning.directions if found[0].barred is not None else ():
+        if found[-1].status is PlanStatus.PLANNED:
+            break
+        found.append(_along(turned(scene, direction), point, search, all_solutions, watch))
+    best = min(found, key=_rank)
+    refused = [one for one in found if one is not best]
+    return dataclasses.replace(best, refusals=tuple(map(_refusal, refused)))
+
+
+def turned(scene: Scene, direction: Sequence[float]) -> Scene:
+    """Return the scene with a needle of another direction, its entry left open."""
+    unit = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
+    return vary(scene, {"motion.direction": tuple(unit.tolist()), "motion.entry": ()})
+
+
+def _rank(found: Plan) -> tuple[bool, float]:
+    """Rank plans along several directions: those that succeeded, then by error."""
+    error = np.inf if found.best is None else found.best.placement_error
+    return found.status is not PlanStatus.PLANNED, error
+
+
+def _refusal(found: Plan) -> Refusal:
+    direction = tuple(found.insertion.axis.direction.tolist())
+    return Refusal(direction, found.status, found.sentence)
+
+
+def _along(
+    scene: Scene, target: Vector, search: str | None, all_solutions: bool, watch: Watch | None
+) -> Plan:
+    """Plan along the scene's direction."""
     clock = _Clock()
     simulation = Simulation(scene, watch=watch)
     if scene.motion.entry:
         simulation.entry_of_case()  # a plan chooses its own, but the case's must be one
-    planner = Planner(simulation, np.asarray(chosen, dtype=float))
+    planner = Planner(simulation, target)
     clock.lap("model")
     checks = checked(simulation)
     clock.lap("preflight")
@@ -85,7 +121,7 @@ def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
 
 def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ...]) -> Evidence:
     insertion, energies, strains = found.insertion, None, None
-    warnings = list(simulation.resolved.warnings)
+    warnings = [*simulation.resolved.warnings, *_loose(simulation.scene)]
     if found.best is not None:
         energies = ledger(insertion)
         depth = float(insertion.axis.along(found.best.release_point))
@@ -103,6 +139,17 @@ def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ..
         reasons=simulation.resolved.reasons,
         timings={},
     )
+
+
+def _loose(scene: Scene) -> list[str]:
+    """Say which obstacles may move with the tissue, which is not seen."""
+    held = {name for support in scene.supports.values() for name in support.regions}
+    return [
+        f"obstacle '{name}' is not held: that it moves with the tissue is not seen; "
+        f"give a support with regions = ['{obstacle.region}']"
+        for name, obstacle in scene.obstacles.items()
+        if obstacle.region is not None and obstacle.region not in held
+    ]
 
 
 class _Clock:

@@ -8,7 +8,9 @@ from needlefem.insertion.path import Path, Reach
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
-from needlefem.planning.result import Plan, PlanStatus, Release
+from needlefem.needle.clearance import Interval
+from needlefem.planning.obstacles import Candidate, Obstacles
+from needlefem.planning.result import Barred, Plan, PlanStatus, Release
 from needlefem.planning.search import (
     Found,
     Solution,
@@ -45,7 +47,9 @@ class Planner:
             where = "(" + ", ".join(f"{100 * x:.4g}" for x in target) + ") cm"
             raise CaseError("target.point", f"{where} is outside the tissue", "move it inside")
         self.entry = simulation.entry_through(target)
-        self.laterals = simulation.instrument(self.entry).axis.laterals
+        axis = simulation.instrument(self.entry).axis
+        self.laterals = axis.laterals
+        self.obstacles = Obstacles(simulation.scene, axis)
         self._level: Floats = np.zeros(len(self.laterals))
         self._known: dict[tuple[float, ...], tuple[Insertion, Path]] = {}
 
@@ -103,18 +107,23 @@ class Planner:
     def plan(self, search: str | None = None, *, all_solutions: bool = False) -> Plan:
         """Search the height; see `needlefem.plan`."""
         before = self.simulation.insertions
-        search = search or self.simulation.scene.planning.search
-        solution = self._search(search)
+        numbers = self.simulation.scene.planning
+        search = search or numbers.search
+        free = self._candidate(search, numbers.height_range)
+        chosen, barred = self._around(search, free)
         spent = self.simulation.insertions - before
-        status, sentence = self._judge(solution)
-        best = self._best_reach(solution)
+        status, sentence = self._judge(free.solution)
+        if barred is not None:
+            status, sentence = self._judge_barred(chosen, barred)
+        solution = free.solution if chosen is None else chosen.solution
+        best = None if chosen is None else chosen.release
         scanned = self.simulation.insertions
         others = self._others(solution) if all_solutions else None
         return Plan(
             status=status,
             sentence=sentence,
             target=self.target,
-            best=self.release(solution.height, best),
+            best=best,
             unplanned=self.unplanned(),
             depth_only=self.depth_only(),
             search=search,
@@ -124,17 +133,33 @@ class Planner:
             level=self._insert(self._level)[0],
             other_solutions=others,
             scan_insertions=self.simulation.insertions - scanned,
+            passings=() if best is None else self.obstacles.passings(best.release_point),
+            barred=barred,
         )
 
-    def _search(self, search: str) -> Solution:
+    def _candidate(self, search: str, within: Interval) -> Candidate:
+        solution = self._search(search, within)
+        return Candidate(solution, self.release(solution.height, self._best_reach(solution)))
+
+    def _around(self, search: str, free: Candidate) -> tuple[Candidate | None, Barred | None]:
+        """Return the best candidate that keeps away from obstacles, and what they barred."""
+        barrier = self.obstacles.barrier(free.release)
+        if barrier is None or free.release is None:
+            return free, None
+        within = self.simulation.scene.planning.height_range
+        best = self.obstacles.best(
+            lambda interval: self._candidate(search, interval), within, free.release
+        )
+        return best, Barred(free.release, barrier)
+
+    def _search(self, search: str, within: Interval) -> Solution:
         numbers = self.simulation.scene.planning
-        low, high = numbers.height_range
         if search == "root":
-            return self._root(self._level, (low, high))
+            return self._root(self._level, within)
         if len(self.laterals) != 1:
             raise CaseError("planning.search", f"'{search}' is for 2D scenes", "use 'root'")
         method = golden_section if search == "golden" else grid
-        return method(self.error, low, high, numbers.golden_tolerance)
+        return method(self.error, *within, numbers.golden_tolerance)
 
     def _best_reach(self, solution: Solution) -> Reach | None:
         path = self.path(solution.height)
@@ -142,7 +167,7 @@ class Planner:
         level = path.abeam(self.target) if solution.found is Found.SOLVED else None
         return level if level is not None else path.closest(self.target)
 
-    def _root(self, start: Floats, within: tuple[float, float]) -> Solution:
+    def _root(self, start: Floats, within: Interval) -> Solution:
         numbers = self.simulation.scene.planning
         most = numbers.max_insertions
         return signed_root(self.miss, start, within, numbers.tolerance, most)
@@ -156,7 +181,8 @@ class Planner:
         for a, b in sign_changes(self.miss, low, high, SCAN):
             if not a <= float(solution.height[0]) <= b:
                 root = self._root(np.array([0.5 * (a + b)]), (a, b))
-                if root.found is Found.SOLVED:
+                release = self.release(root.height, self._best_reach(root))
+                if root.found is Found.SOLVED and self.obstacles.barrier(release) is None:
                     found.append(float(root.height[0]))
         return tuple(found)
 
@@ -175,6 +201,18 @@ class Planner:
             sentence = f"the tip does not come level with the target: {why}"
             return PlanStatus.UNREACHABLE, sentence
         return PlanStatus.NOT_CONVERGED, f"the search did not converge; {missed}"
+
+    def _judge_barred(self, chosen: Candidate | None, barred: Barred) -> tuple[PlanStatus, str]:
+        """Put what obstacles left of the heights into a status and a sentence."""
+        without = f"without obstacles the best needle {barred.passing}"
+        if chosen is None or chosen.release is None:
+            return PlanStatus.UNREACHABLE, f"no height is allowed; {without}"
+        error, least = chosen.release.placement_error, barred.release.placement_error
+        missed = f"misses by {100 * error:.2g} cm"
+        close = error <= least + self.simulation.scene.planning.golden_tolerance
+        if chosen.solution.found is Found.SOLVED and close:
+            return PlanStatus.PLANNED, f"{missed} on this model; {without}"
+        return PlanStatus.BLOCKED, f"the best height allowed {missed}; {without}"
 
 
 class _Passed:

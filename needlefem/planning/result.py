@@ -8,6 +8,7 @@ from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.result import Insertion, Ledger
 from needlefem.insertion.validity import Validity
+from needlefem.needle.clearance import Passing
 from needlefem.planning.search import Solution
 from needlefem.shown import Shown
 
@@ -17,6 +18,7 @@ class PlanStatus(StrEnum):
 
     PLANNED = "planned"
     OUTSIDE_RANGE = "outside_range"
+    BLOCKED = "blocked"
     UNREACHABLE = "unreachable"
     NOT_CONVERGED = "not_converged"
 
@@ -38,6 +40,23 @@ class Release:
     release_point: Vector
     placed_at: Vector
     placement_error: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Barred:
+    """The best release without obstacles, and the one that is in its way."""
+
+    release: Release
+    passing: Passing
+
+
+@dataclasses.dataclass(frozen=True)
+class Refusal:
+    """A direction along which obstacles leave no height that hits, and why."""
+
+    direction: tuple[float, ...]
+    status: PlanStatus
+    sentence: str
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -95,6 +114,12 @@ class Plan(Shown):
         Further heights that hit the target (relative to it, m); None if not asked for.
     scan_insertions : int
         Insertions spent on looking for them.
+    passings : tuple of Passing
+        How near the planned needle comes to the obstacles.
+    barred : Barred or None
+        What obstacles stand in the way of; None if of nothing.
+    refusals : tuple of Refusal
+        Directions that were tried before this one.
     evidence : Evidence or None
         None from `Planner.plan`, which only searches.
     """
@@ -112,4 +137,7 @@ class Plan(Shown):
     level: Insertion
     other_solutions: tuple[float, ...] | None = None
     scan_insertions: int = 0
+    passings: tuple[Passing, ...] = ()
+    barred: Barred | None = None
+    refusals: tuple[Refusal, ...] = ()
     evidence: Evidence | None = None

@@ -40,10 +40,22 @@ class Region:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Support:
-    """Faces on which displacement components are held at zero."""
+    """Faces and regions in which displacement components are held at zero."""
 
-    faces: tuple[str, ...] = knob("Named faces of the mesh")
+    faces: tuple[str, ...] = knob("Named faces of the mesh", default=())
+    regions: tuple[str, ...] = knob("Regions held as a whole, such as bone", default=())
     fixed: tuple[str, ...] = knob("Axes whose displacement is held; all when left out", default=())
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Obstacle:
+    """What the needle has to keep away from: the inside of a contour, fixed in space."""
+
+    contour: Contour
+    region: str | None = knob("Region of the tissue that it is, instead of a contour", default=None)
+    clearance: float = knob(
+        "Least distance of the needle's line, from tip to hub", "length", low=0.0, closed=True
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -135,6 +147,9 @@ class Planning:
     height_range: tuple[float, float] = knob(
         "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
     )
+    directions: tuple[Coordinates, ...] = knob(
+        "Directions to try in turn where obstacles block the motion's own", default=()
+    )
     search: str = knob(
         "Root of the signed miss, golden section as in the paper, or a grid",
         default="root",
@@ -199,6 +214,7 @@ class Scene:
     regions: Mapping[str, Region]
     supports: Mapping[str, Support]
     plane: str = "strain"
+    obstacles: Mapping[str, Obstacle] = dataclasses.field(default_factory=dict)
     damping: Rayleigh = dataclasses.field(default_factory=Rayleigh)
     discretisation: Discretisation = dataclasses.field(default_factory=Discretisation)
     needle: Needle

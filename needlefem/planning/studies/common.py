@@ -7,7 +7,7 @@ from needlefem.insertion.path import Path, Reach
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan
-from needlefem.scene import Scene
+from needlefem.scene import Scene, vary
 
 
 def planner_of(scene: Scene) -> Planner:
@@ -21,7 +21,8 @@ def carry_out(scene: Scene, plan: Plan) -> Reach | None:
     """Return where a planned release ends in another scene; None if it is not reached there."""
     if plan.best is None:
         return None
-    simulation = Simulation(scene)
+    direction = tuple(plan.insertion.axis.direction.tolist())
+    simulation = Simulation(vary(scene, {"motion.direction": direction}))
     release = plan.best.release_point
     entry = simulation.entry_through(release)
     depth = float(simulation.direction @ (release - entry.point))
