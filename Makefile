@@ -88,6 +88,14 @@ figures: install
 	$(BIN)/needlefem figures $(PAPER) --out docs
 	$(BIN)/needlefem render $(PAPER) --setup --out docs/pictures/setup.png
 	$(BIN)/needlefem render cases/prostate-train/case.toml --size 800x450 --frames 48 --out docs/pictures/train.webp
+	for case in breast liver; do \
+		$(BIN)/needlefem render cases/$$case/case.toml --setup --out docs/pictures/$$case-setup.png && \
+		$(BIN)/needlefem plan cases/$$case/case.toml --out $(OUT)/$$case --no-pictures && \
+		$(BIN)/needlefem render $(OUT)/$$case --out docs/pictures/$$case.png || exit 1; done
+	$(BIN)/needlefem render cases/gel/case.toml --field displacement --depth "3.2 cm" --out docs/pictures/gel.png
+	$(BIN)/needlefem render cases/layers/case.toml --setup --out docs/pictures/layers-setup.png
+	$(BIN)/needlefem run cases/layers/case.toml --out $(OUT)/layers
+	cp $(OUT)/layers/forces.png docs/pictures/layers-forces.png
 
 bench: install
 	$(BIN)/needlefem bench render $(PAPER)

@@ -9,7 +9,7 @@ from needlefem.casefile.contourfile import read_contour
 from needlefem.casefile.load import load_case, read_scene
 from needlefem.errors import CaseError
 from needlefem.scene import Scene, vary
-from tests.conftest import PAPER_CASE
+from tests.conftest import CASES, PAPER_CASE
 
 
 def test_the_paper_case_is_read(paper_scene: Scene) -> None:
@@ -138,3 +138,39 @@ def test_damping_is_read() -> None:
     assert scene.damping.ratios == (0.05, 0.1)
     with pytest.raises(CaseError, match="damping.mass_rate: -1 is out of range"):
         load_case(PAPER_CASE, ['damping.mass_rate="-1 1/s"'])
+
+
+LIVER = CASES / "liver" / "case.toml"
+
+
+def test_obstacles_are_regions_or_contours() -> None:
+    scene = load_case(LIVER)
+    rib = scene.obstacles["rib-6"]
+    assert rib.clearance == pytest.approx(3e-3)
+    assert rib.contour is scene.regions["rib-6"].contour
+    assert scene.supports["ribs"].regions == ("rib-5", "rib-6")
+    own = 'obstacles={plate={contour="tumour.csv", offset=["1 cm", "0 cm"], clearance="0 mm"}}'
+    (plate,) = load_case(LIVER, [own]).obstacles.values()
+    moved = scene.regions["tumour"].contour.points + np.array([0.01, 0.0])
+    assert plate.contour.points == pytest.approx(moved)
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("obstacles.rib-6.clearance=-1 mm", "out of range"),
+        ("obstacles.rib-6.region=rib-7", "no region 'rib-7'; did you mean 'rib-6'?"),
+        ("obstacles.rib-6.clearence=1 mm", "unknown key; did you mean 'clearance'?"),
+        ('obstacles={rib={clearance="1 mm"}}', "obstacles.rib.contour: missing"),
+        ('obstacles={rib={region="rib-6"}}', "obstacles.rib.clearance: missing"),
+        ('supports.ribs.regions=["rib-7"]', "no region 'rib-7'"),
+        ("supports.ribs.regions=[]", "supports.ribs.faces: missing; name faces or regions"),
+        ("planning.directions=[[0, 0]]", "give 2 numbers each, not all zero"),
+        ("planning.directions=[[1, 0, 0]]", "give 2 numbers each, not all zero"),
+    ],
+)
+def test_bad_obstacles_get_one_clear_line(override: str, says: str) -> None:
+    with pytest.raises(CaseError) as caught:
+        load_case(LIVER, [override])
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)

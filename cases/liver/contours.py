@@ -15,10 +15,10 @@ def ellipse(centre: tuple[float, float], radii: tuple[float, float], count: int)
 
 
 FILES = {
-    "liver.csv": ellipse((5.2, 6.3), (4.2, 2.9), 96),
-    "tumour.csv": ellipse((5.3, 5.8), (0.8, 0.8), 48),
-    "rib-5.csv": ellipse((2.2, 1.9), (0.75, 0.4), 48),
-    "rib-6.csv": ellipse((5.3, 1.9), (0.75, 0.4), 48),
+    "liver.csv": ellipse((5.2, 5.6), (4.2, 2.7), 96),
+    "tumour.csv": ellipse((5.3, 4.8), (0.8, 0.8), 48),
+    "rib-5.csv": ellipse((2.3, 1.7), (0.75, 0.4), 48),
+    "rib-6.csv": ellipse((5.3, 1.7), (0.75, 0.4), 48),
 }
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
+from needlefem.planning.plan import turned
 from needlefem.scene import Motion, Scene, Stage
 
 SAME = 1e-9
@@ -76,15 +77,16 @@ def _carried_out(again: Again) -> Scene:
     release = again.record["release_point"]
     if release is None:
         raise CaseError("release_point", "the plan has none", "render its case instead")
-    simulation = Simulation(again.scene)
+    scene = turned(again.scene, again.record.get("direction", again.scene.motion.direction))
+    simulation = Simulation(scene)
     point = np.array(release)
     entry = simulation.entry_through(point)
     depth = float((point - entry.point) @ simulation.direction)
     stages = (Stage(to=depth, release="seed"),)
     motion: Motion = dataclasses.replace(
-        again.scene.motion, entry=tuple(entry.point.tolist()), stages=stages, times=(), depths=()
+        scene.motion, entry=tuple(entry.point.tolist()), stages=stages, times=(), depths=()
     )
-    return dataclasses.replace(again.scene, motion=motion)
+    return dataclasses.replace(scene, motion=motion)
 
 
 def _same(insertion: Insertion, again: Again) -> bool:

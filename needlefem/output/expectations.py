@@ -29,14 +29,18 @@ def compare(
 
 
 def look_up(record: Any, path: Sequence[str], axes: Sequence[str]) -> Any:
-    """Return the entry of a record at a dotted path; the last part may name an axis."""
+    """Return the entry of a record at a dotted path; the last part may name an axis.
+
+    None where there is no such entry.
+    """
     for part in path:
         if record is None:
             return None
         if isinstance(record, Mapping):
             record = record.get(part)
         else:
-            record = record[axes.index(part) if part in axes else int(part)]
+            number = axes.index(part) if part in axes else int(part)
+            record = record[number] if -len(record) <= number < len(record) else None
     return record
 
 

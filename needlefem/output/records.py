@@ -98,6 +98,7 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
         "tip_path": insertion.tips,
         "tip_force": [state.tip_force for state in states],
         "shaft_force": [float(state.axial.sum()) for state in states],
+        "lateral_force": [state.lateral.sum(axis=0) + state.tip_lateral for state in states],
         "jumping": [state.jumping for state in states],
         "time": [state.time for state in states],
         "tip": [state.way for state in states],

@@ -98,7 +98,8 @@ class _Setup:
             begins += [a + (n + 0.5) / count * (b - a) for n in range(count)]
             normal = np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
             outward = normal * np.sign(normal @ (0.5 * (a + b) - middle))
-            strokes += [0.7 * spacing * (outward + normal[::-1] * 0.6)] * count
+            along = np.array([-outward[1], outward[0]])
+            strokes += [0.7 * spacing * (outward + 0.6 * along)] * count
         begin, end = np.array(begins), np.array(begins) + np.array(strokes)
         layers = np.full((len(begin), 1), 1e-3)
         points = np.stack([np.hstack([begin, layers]), np.hstack([end, layers])], axis=1)
@@ -123,11 +124,12 @@ class _Setup:
         """Return names and numbers with the colours that they have in the picture."""
         scene, style = self.scene, self.style
         found = [(style.tissue[0], f"{scene.background} (background)")]
+        covered = {obstacle.region for obstacle in scene.obstacles.values()}
         for number, (name, region) in enumerate(sorted(scene.regions.items()), start=1):
             colour = style.tissue[number % len(style.tissue)]
-            found.append(
-                (colour, name if name == region.material else f"{name}: {region.material}")
-            )
+            text = name if name == region.material else f"{name}: {region.material}"
+            if name not in covered:
+                found.append((colour, text))
         for name, support in scene.supports.items():
             held = f" ({', '.join(support.fixed)})" if support.fixed else ""
             found.append((style.support, f"{name}: held{held}"))

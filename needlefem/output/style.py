@@ -12,7 +12,7 @@ class Style:
     """
 
     background: str = "white"
-    tissue: tuple[str, ...] = ("#f4e7c5", "#e3b5a4", "#c9d5e8", "#cfe3cf")
+    tissue: tuple[str, ...] = ("#f4e7c5", "#e3b5a4", "#c9d5e8", "#cfe3cf", "#dcc9e6", "#d2c6ae")
     mesh: str = "#8a7f6a"
     outline: str = "#5b3a29"
     on_image: str = "#f0e442"

@@ -81,7 +81,7 @@ def _rank(found: Plan) -> tuple[bool, float]:
 
 def _refusal(found: Plan) -> Refusal:
     direction = tuple(found.insertion.axis.direction.tolist())
-    return Refusal(direction, found.status, found.sentence)
+    return Refusal(direction, found.status, found.sentence, found.insertions)
 
 
 def _along(

@@ -52,11 +52,12 @@ class Barred:
 
 @dataclasses.dataclass(frozen=True)
 class Refusal:
-    """A direction along which obstacles leave no height that hits, and why."""
+    """A direction that was not chosen, why, and how many insertions its search took."""
 
     direction: tuple[float, ...]
     status: PlanStatus
     sentence: str
+    insertions: int
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)

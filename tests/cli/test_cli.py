@@ -6,6 +6,7 @@ import pytest
 from needlefem.cli.main import main
 from tests.conftest import PAPER_CASE, ROOT
 
+LIVER = str(ROOT / "cases" / "liver" / "case.toml")
 CASE = str(PAPER_CASE)
 SMALL = ["--set", "mesh.divisions=[16, 16]", "--set", "needle.tip_radius=2 mm"]
 
@@ -126,6 +127,30 @@ def test_plan_without_solution_ends_with_3(capsys: pytest.CaptureFixture[str]) -
     status, out, _ = run(capsys, "plan", CASE, "--json", "--set", "motion.max_depth=1 cm")
     assert status == 3
     assert json.loads(out)["status"] == "unreachable"
+
+
+COARSE = (
+    "--set", "mesh.interfaces=centroid", "--set", "mesh.refine.contour_size=6 mm",
+    "--set", "discretisation.path_spacing=5 mm",
+)  # fmt: skip
+
+
+def test_a_plan_that_obstacles_block_ends_with_3_and_says_which(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    straight = ("--set", "planning.directions=[]", *COARSE)
+    status, out, _ = run(capsys, "plan", LIVER, "--json", *straight)
+    record = json.loads(out)
+    assert (status, record["status"], record["release_point"]) == (3, "unreachable", None)
+    assert (record["barred"]["obstacle"], record["barred"]["distance"]) == ("rib-6", 0.0)
+    assert record["obstacles"] == record["refused"] == []
+
+
+def test_a_run_through_an_obstacle_is_warned_of(capsys: pytest.CaptureFixture[str]) -> None:
+    short = ("--set", "motion.max_depth=3 cm", *COARSE)
+    status, _, err = run(capsys, "run", LIVER, *short)
+    assert status == 0
+    assert "warning: the needle goes through 'rib-6' (clearance 0.3 cm)" in err
 
 
 def test_too_coarse_a_mesh_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
