@@ -80,7 +80,9 @@ def draw_height(scene: Scene, plan: Plan, path: Path) -> Path:
         off_screen=True, shape=(2, 1), window_size=[1600, 1700], border=False
     )
     plotter.set_background(style.background)
-    best = table[np.argmin(table[:, 2])]
+    assert plan.best is not None
+    height = 100.0 * float(plan.best.release_point @ plan.insertion.axis.laterals[0])
+    best = table[np.argmin(np.abs(table[:, 0] - height))]
     label = f"plan: height {best[0]:.2f} cm, depth {best[1]:.2f} cm"
     for number, quantity in enumerate(("best depth (cm)", "placement error (cm)"), start=1):
         plotter.subplot(number - 1, 0)

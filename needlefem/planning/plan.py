@@ -63,8 +63,17 @@ def plan(
             break
         found.append(_along(turned(scene, direction), point, search, all_solutions, watch))
     best = min(found, key=_rank)
-    refused = [one for one in found if one is not best]
-    return dataclasses.replace(best, refusals=tuple(map(_refusal, refused)))
+    refused = tuple(_refusal(one) for one in found if one is not best)
+    return dataclasses.replace(best, refusals=refused, evidence=_timed(best, found))
+
+
+def _timed(best: Plan, found: Sequence[Plan]) -> Evidence | None:
+    """Return a plan's evidence with the time that all directions took."""
+    if best.evidence is None:
+        return None
+    laps = [one.evidence.timings for one in found if one.evidence is not None]
+    timings = {name: sum(lap[name] for lap in laps) for name in best.evidence.timings}
+    return dataclasses.replace(best.evidence, timings=timings)
 
 
 def turned(scene: Scene, direction: Sequence[float]) -> Scene:
