@@ -164,7 +164,7 @@ def test_obstacles_are_regions_or_contours() -> None:
         ('obstacles={rib={clearance="1 mm"}}', "obstacles.rib.contour: missing"),
         ('obstacles={rib={region="rib-6"}}', "obstacles.rib.clearance: missing"),
         ('supports.ribs.regions=["rib-7"]', "no region 'rib-7'"),
-        ("supports.ribs.regions=[]", "supports.ribs.faces: missing; name faces or regions"),
+        ("supports.ribs={}", "supports.ribs.faces: missing; name faces or regions"),
         ("planning.directions=[[0, 0]]", "give 2 numbers each, not all zero"),
         ("planning.directions=[[1, 0, 0]]", "give 2 numbers each, not all zero"),
     ],

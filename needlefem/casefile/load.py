@@ -101,12 +101,13 @@ def read_scene(data: Table, folder: Path) -> Scene:
     target = table(data, "target") if "target" in data else None
     if target is not None:
         refuse_unknown(target, ("point",), "target")
+    mesh = reader.mesh(table(data, "mesh"))  # before the regions, which may be groups of it
     regions = {n: reader.region(t, n) for n, t in tables(data, "regions").items()}
     obstacles = tables(data, "obstacles")
     scene = Scene(
         title=str(data.get("title", "untitled")),
         axes=axes,
-        mesh=reader.mesh(table(data, "mesh")),
+        mesh=mesh,
         materials={n: reader.material(t, n) for n, t in tables(data, "materials").items()},
         background=str(required(tissue, "background", "tissue")),
         regions=regions,

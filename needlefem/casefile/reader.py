@@ -135,9 +135,9 @@ class Reader:
 
     def support(self, table: Table, name: str) -> Support:
         """Read [supports.NAME]: faces, regions or both."""
-        found: Support = self.fill(Support, table, f"supports.{name}")
-        if not (found.faces or found.regions):
+        if "faces" not in table and "regions" not in table:
             raise CaseError(f"supports.{name}.faces", "missing", "name faces or regions to hold")
+        found: Support = self.fill(Support, table, f"supports.{name}")
         return found
 
     def obstacle(self, table: Table, name: str, regions: Mapping[str, Region]) -> Obstacle:
