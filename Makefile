@@ -80,6 +80,7 @@ studies: install
 	$(BIN)/needlefem study friction $(RESOLVED)
 	$(BIN)/needlefem study trains $(RESOLVED)
 	$(BIN)/needlefem study cycles $(PAPER)
+	$(BIN)/needlefem study steps $(PAPER)
 
 calibrate: install
 	$(BIN)/python cases/prostate-2003/calibrate.py --draws 512 --write
