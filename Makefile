@@ -90,7 +90,8 @@ figures: install
 	$(BIN)/needlefem figures $(PAPER) --out docs
 	$(BIN)/needlefem render $(PAPER) --setup --out docs/pictures/setup.png
 	$(BIN)/needlefem render cases/prostate-train/case.toml --size 800x450 --frames 48 --out docs/pictures/train.webp
-	$(BIN)/needlefem render cases/prostate/case.toml --out docs/pictures/tutorial-first.png
+	$(BIN)/python docs/site/pages.py docs/tutorial/first-insertion.md $(OUT)/first-insertion
+	cp $(OUT)/first-insertion/first.png docs/pictures/tutorial-first.png
 	$(BIN)/python docs/site/pages.py docs/tutorial/own-anatomy.md $(OUT)/own-anatomy
 	cp $(OUT)/own-anatomy/setup.png docs/pictures/tutorial-setup.png
 	cp $(OUT)/own-anatomy/strain.png docs/pictures/tutorial-strain.png

@@ -24,8 +24,13 @@ extensions = [
 ]
 root_doc = "docs/index"
 include_patterns = [
-    "docs/**", "README.md", "cases/README.md", "cases/*/README.md", "verification/README.md", "CHANGELOG.md",
-]  # fmt: skip
+    "README.md",
+    "CHANGELOG.md",
+    "docs/**",
+    "cases/README.md",
+    "cases/*/README.md",
+    "verification/README.md",
+]
 exclude_patterns = [".venv", ".git", "out", "docs/gallery/**", "docs/site/**"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 
