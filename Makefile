@@ -18,7 +18,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
@@ -33,6 +33,7 @@ help:
 	@echo "make figures    the paper's figures beside its numbers, and the pages' other pictures, into docs"
 	@echo "make docs       the documentation site in $(OUT)/docs/index.html; warnings are errors"
 	@echo "make tables     the tables of docs that the package prints, anew"
+	@echo "make newcomer   what README and docs tell a newcomer, with an installed package and no source"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -104,6 +105,12 @@ $(VENV)/docs-installed: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	@touch $@
 
+newcomer:
+	rm -rf $(OUT)/newcomer
+	$(PYTHON) -m venv $(OUT)/newcomer/venv
+	$(OUT)/newcomer/venv/bin/python -m pip install --quiet --disable-pip-version-check ".[image,render]"
+	$(OUT)/newcomer/venv/bin/python docs/site/newcomer.py $(OUT)/newcomer/work
+
 tables: install
 	$(BIN)/python docs/site/tables.py
 
@@ -119,4 +126,4 @@ bench: install
 	$(BIN)/needlefem bench integrators verification --out $(OUT)/bench
 
 clean:
-	rm -rf $(VENV) $(OUT)
+	rm -rf $(VENV) $(OUT) docs/examples

@@ -2,10 +2,12 @@
 
 import re
 import runpy
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+import needlefem
 from needlefem.materials.tissues import library
 from needlefem.planning.studies import STUDIES
 from needlefem.units import UNITS
@@ -42,6 +44,16 @@ def test_every_page_is_in_the_table_of_contents() -> None:
             reached.add(page)
             waiting += children(page.with_suffix(".md"))
     assert reached == {path.with_suffix("") for path in PAGES}
+
+
+def test_what_the_reference_names_is_there() -> None:
+    text = (DOCS / "reference" / "python.md").read_text()
+    names = re.findall(r"^.. auto(?:class|function):: ([\w.]+)$", text, re.MULTILINE)
+    assert len(names) > 30
+    for name in names:
+        home, _, last = name.rpartition(".")
+        assert getattr(import_module(home), last).__doc__, name
+    assert {f"needlefem.{name}" for name in needlefem.__all__} <= set(names)
 
 
 def anchors(page: Path) -> set[str]:

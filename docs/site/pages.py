@@ -21,7 +21,7 @@ NAME = re.compile(r"# ([\w./-]+\.\w+)\n")
 LIKE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 Runner = Callable[[list[str], bool], str]
-"""Runs a command, which may be allowed to fail, and returns what it prints."""
+"""Runs a command, which must fail where the flag says so, and returns what it prints."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +54,7 @@ def steps(page: Path) -> Iterator[Step]:
         yield Step(commands, following[1] if printed else None)
 
 
-def run_page(page: Path, run: Runner) -> int:
+def run_page(page: Path, runner: Runner) -> int:
     """Write a page's files here and run its commands; return how many ran."""
     for name, text in files(page).items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
@@ -64,7 +64,7 @@ def run_page(page: Path, run: Runner) -> int:
         printed = ""
         for line in step.commands:
             command, fails, _ = line.partition(" || true")
-            printed = run(shlex.split(command), bool(fails))
+            printed = runner(shlex.split(command), bool(fails))
             count += 1
         if step.output is not None:
             compare(page, step.output, printed)
@@ -77,7 +77,8 @@ def compare(page: Path, wanted: str, printed: str) -> None:
         raise AssertionError(f"{page} says\n{wanted}\nbut this is printed:\n{printed}")
 
 
-def _run(command: list[str], fails: bool) -> str:
+def run(command: list[str], fails: bool) -> str:
+    """Run a command in a process of its own; end with its status if it fails and should not."""
     here = str(Path(sys.executable).parent)
     found = subprocess.run(
         command, text=True, check=False, stdout=subprocess.PIPE,
@@ -85,8 +86,9 @@ def _run(command: list[str], fails: bool) -> str:
         env={**os.environ, "PATH": here + os.pathsep + os.environ["PATH"]},
     )  # fmt: skip
     sys.stdout.write("$ " + shlex.join(command) + "\n" + found.stdout)
-    if found.returncode and not fails:
-        sys.exit(found.returncode)
+    sys.stdout.flush()
+    if bool(found.returncode) != fails:
+        sys.exit(found.returncode or 1)
     return found.stdout
 
 
@@ -98,7 +100,7 @@ def main(page: str, folder: str) -> None:
     for name in ("cases", "verification"):
         if not Path(name).exists():
             Path(name).symlink_to(ROOT / name)
-    run_page(source, _run)
+    run_page(source, run)
 
 
 if __name__ == "__main__":
