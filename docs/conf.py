@@ -14,6 +14,7 @@ project = "needlefem"
 author = "needlefem developers"
 version = release = version_of("needlefem")
 language = "en"
+nitpicky = True
 
 extensions = [
     "myst_parser",

@@ -36,10 +36,12 @@ FILLED = {
 }
 """What stands for a reader's own in a command, and what takes its place."""
 TOO_LONG = {
-    "study": "minutes; `make studies`. `targets` is run by test_cases, `robust` by a tutorial",
+    "study": "minutes; `make studies`. `targets` is run by test_cases, `robust` by a tutorial, "
+    "another by tests/cli",
     "bench": "timings of minutes; `make bench`",
     "figures": "draws for a minute; `make figures`, and tests/output",
     "cases/prostate-train/case.toml": "its motion is run by test_cases; `make figures` draws it",
+    "cases/prostate/case.toml": "planned by test_cases; its studies by `make studies`",
     "verify": "the whole suite takes minutes; `make verify`, and `make test` runs the quick one",
     "--method paper": "run by tests/planning/test_paper",
     "--labelmap": "needs a map: how-to/own-anatomy makes one and is run",
