@@ -36,6 +36,7 @@ exclude_patterns = [".venv", ".git", "out", "docs/gallery/**", "docs/site/**"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 
 html_theme = "furo"
+html_show_copyright = False
 html_title = f"needlefem {version}"
 html_static_path = ["site/static"]
 html_css_files = ["needlefem.css"]

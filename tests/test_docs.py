@@ -11,7 +11,7 @@ import needlefem
 from needlefem.materials.tissues import library
 from needlefem.planning.studies import STUDIES
 from needlefem.units import UNITS
-from tests.pages import DOCS, PAGES, ROOT, site
+from tests.pages import DOCS, PAGES, ROOT, WHOLE, site
 
 TABLES = site("tables").PAGES
 TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -30,7 +30,8 @@ def children(page: Path) -> list[Path]:
     found = []
     for block in TOCTREE.findall(page.read_text(encoding="utf-8")):
         entries = [line for line in block.splitlines() if line and not line.startswith(":")]
-        for entry in entries:
+        for line in entries:
+            entry = re.sub(r".*<(.*)>", r"\1", line)
             named = sorted(page.parent.glob(entry + ".md")) or [page.parent / entry]
             found += [path.resolve().with_suffix("") for path in named]
     return found
@@ -87,6 +88,11 @@ def test_links_lead_somewhere(page: Path) -> None:
         there = page.parent / target if target else page
         assert there.exists(), target
         assert not anchor or anchor in anchors(there), anchor
+
+
+def test_code_is_on_pages_that_are_run() -> None:
+    coded = {page for page in PAGES if "```python" in page.read_text(encoding="utf-8")}
+    assert coded <= {ROOT / "README.md", *WHOLE}
 
 
 def test_readme_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
