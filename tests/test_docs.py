@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import needlefem
-from needlefem.materials.tissues import library
 from needlefem.planning.studies import STUDIES
 from needlefem.units import UNITS
 from tests.pages import DOCS, PAGES, ROOT, WHOLE, site
@@ -116,8 +115,3 @@ def test_readme_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_is_documented(name: str) -> None:
     assert any(f"study {name}" in page.read_text() for page in PAGES)
-
-
-def test_the_library_is_documented() -> None:
-    text = (DOCS / "tissues.md").read_text()
-    assert all(f"`{name}`" in text for name in library())
