@@ -15,6 +15,7 @@ author = "needlefem developers"
 version = release = version_of("needlefem")
 language = "en"
 nitpicky = True
+smartquotes = False
 
 extensions = [
     "myst_parser",
@@ -57,6 +58,7 @@ sphinx_gallery_conf = {
     "image_scrapers": ("needlefem_site.pictures",),
     "reset_modules": ("needlefem_site.forget_pictures",),
     "show_memory": False,
+    "write_computation_times": False,
     "min_reported_time": 1000,
     "download_all_examples": False,
     "show_signature": False,
