@@ -4,7 +4,8 @@ import pytest
 from needlefem.errors import CaseError, CheckFailedError
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
-from needlefem.planning.plan import checked, plan
+from needlefem.planning.making import checked
+from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import PlanStatus
 from needlefem.planning.studies.common import carry_out

@@ -11,6 +11,7 @@ Study = Callable[[Scene, "Scene | None"], list[Table]]
 """Takes a case and, where it compares two, the other one."""
 
 STUDIES = {
+    "accuracy": "20 targets planned to an accuracy: estimate and true error",
     "convergence": "the plan under refinement along the path, for the disc and for a point tip",
     "cycles": "ten thousand times in and out: what drifts, what memory grows",
     "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
