@@ -17,6 +17,8 @@ from needlefem.scene import Scene, vary
 KERNEL_POINTS = 1600
 SQUARES = {"triangle": 36, "quadrilateral": 18}
 """Along the longest side of the box; one is cut into two triangles or six quadrilaterals."""
+CORRIDOR, CONTOUR, PATH = 0.25, 0.5, 0.25
+"""Element sizes along the needle and at contours, and path spacing, over the tip's radius."""
 SPAN = 1e-4
 """Heights up to which placements are interpolated, on either side of the exact plan's, m."""
 
@@ -24,8 +26,7 @@ SPAN = 1e-4
 def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulation:
     """Return a scene's tissue on the finest discretisation that is affordable.
 
-    Elements are the quadratic ones that suit the tissue, of a quarter of the tip's radius along
-    the needle and half of it at contours; the path's pieces are a quarter of it long.
+    Elements are the quadratic ones that suit the tissue.
 
     Parameters
     ----------
@@ -41,10 +42,10 @@ def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulati
         scene = vary(scene, {"mesh.pattern": pattern})
     radius = scene.needle.tip_radius
     sizes = Sizes(
-        corridor=0.25 * radius,
-        contour=0.5 * radius,
+        corridor=CORRIDOR * radius,
+        contour=CONTOUR * radius,
         bulk=longest(scene) / SQUARES[cells],
-        path=0.25 * radius,
+        path=PATH * radius,
     )
     points = {"discretisation.kernel_points": KERNEL_POINTS}
     return Simulation(vary(sizes.scene(scene, target), points))

@@ -26,7 +26,7 @@ def test_plan_comes_with_its_evidence(organ: Scene) -> None:
     assert all(check.passed for check in evidence.preflight)
     assert evidence.ledger.residual < 1e-10
     assert evidence.validity.folded_cells == 0
-    assert set(evidence.timings) == {"model", "preflight", "search", "evidence"}
+    assert set(evidence.timings) == {"model", "preflight", "search", "estimate", "evidence"}
     assert "dynamics" in evidence.skipped
 
 
