@@ -33,6 +33,12 @@ def coarse(organ: Scene) -> Scene:
 
 
 @pytest.fixture
+def thick(organ: Scene) -> Scene:
+    """Return the organ with a needle that few elements resolve."""
+    return vary(organ, {"needle.tip_radius": 4e-3, "mesh.refine.corridor_width": 4e-3})
+
+
+@pytest.fixture
 def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the tissue that is taken as exact a coarse one."""
     monkeypatch.setattr(reference, "SQUARES", {"triangle": 12, "quadrilateral": 8})
@@ -75,7 +81,8 @@ def test_linear_elements_are_compared_with_quadratic_ones(organ: Scene) -> None:
 
 def test_stepped_insertions_are_estimated_by_a_whole_one(coarse: Scene) -> None:
     marched = plan(coarse).evidence.estimate
-    stepped = plan(vary(coarse, {"discretisation.integrator": "quasi-static"})).evidence.estimate
+    steps = {"discretisation.integrator": "quasi-static", "discretisation.path_spacing": 2e-3}
+    stepped = plan(vary(coarse, steps)).evidence.estimate
     assert stepped.error == pytest.approx(marched.error, rel=0.25)
 
 
@@ -96,32 +103,28 @@ def test_path_error_is_of_second_order(coarse: Scene) -> None:
     assert moves[1] < 0.25 * moves[0]
 
 
-def test_accuracy_chooses_element_and_sizes(organ: Scene) -> None:
-    found = plan(vary(organ, {"planning.accuracy": 5e-5}))
-    evidence = found.evidence
+def test_accuracy_chooses_element_and_sizes(thick: Scene) -> None:
+    found = plan(vary(thick, {"planning.accuracy": 3e-6}))
+    first, *_, last = found.evidence.trail
     assert found.status is PlanStatus.PLANNED
-    assert evidence.estimate.error <= 5e-5
-    assert [tried.element for tried in evidence.trail] == ["P2"] * len(evidence.trail)
-    assert evidence.trail[-1].error == evidence.estimate.error
+    assert first.error > 3e-6 >= last.error == found.evidence.estimate.error
+    assert first.element == last.element == "P2"
+    assert last.unknowns > first.unknowns
     assert found.insertion.scene.mesh.interfaces == "fitted"
-    better = plan(vary(organ, {"planning.accuracy": 0.4 * evidence.estimate.error})).evidence
-    assert len(better.trail) > len(evidence.trail)
-    assert better.trail[0] == evidence.trail[-1]
-    assert better.trail[-1].unknowns > better.trail[0].unknowns
 
 
-def test_accuracy_out_of_reach_has_a_status(organ: Scene) -> None:
-    wanted = {"planning.accuracy": 1e-9, "planning.max_unknowns": 3000}
-    found = plan(vary(organ, wanted))
+def test_accuracy_out_of_reach_has_a_status(thick: Scene) -> None:
+    wanted = {"planning.accuracy": 1e-9, "planning.max_unknowns": 5000}
+    found = plan(vary(thick, wanted))
     assert found.status is PlanStatus.NOT_ACCURATE
     assert found.sentence.startswith("1e-06 mm were asked for, ")
     assert "planning.max_unknowns" in found.sentence
     assert found.best is not None
 
 
-def test_accuracy_plans_for_the_target_given(organ: Scene) -> None:
+def test_accuracy_plans_for_the_target_given(thick: Scene) -> None:
     target = np.array([0.031, 0.018])
-    found = plan(vary(organ, {"planning.accuracy": 1e-3}), target)
+    found = plan(vary(thick, {"planning.accuracy": 1e-3}), target)
     assert found.best.placed_at == pytest.approx(target, abs=2e-8)
     assert found.insertion.scene.target == pytest.approx(target)
 
@@ -138,22 +141,22 @@ def test_accuracy_needs_a_box_and_a_length(organ: Scene, tmp_path: Path) -> None
 
 
 @pytest.mark.usefixtures("cheap")
-def test_placements_on_the_exact_tissue_are_interpolated(coarse: Scene) -> None:
-    exact = Exact(coarse, np.array(coarse.target))
-    found = plan(coarse)
-    own = placed_on(reference.reference(coarse, found.target), found)
+def test_placements_on_the_exact_tissue_are_interpolated(thick: Scene) -> None:
+    exact = Exact(thick, np.array(thick.target))
+    found = plan(thick)
+    own = placed_on(reference.reference(thick, found.target), found)
     assert exact.error(found) == pytest.approx(np.linalg.norm(own - found.target), abs=1e-9)
 
 
 @pytest.mark.usefixtures("cheap")
-def test_benchmark_marks_the_front(coarse: Scene) -> None:
-    exact = Exact(coarse, np.array(coarse.target))
-    linear = vary(coarse, {"discretisation.element": "P1"})
+def test_benchmark_marks_the_front(thick: Scene) -> None:
+    exact = Exact(thick, np.array(thick.target))
+    quadratic = vary(thick, {"discretisation.element": "P2", "mesh.interfaces": "fitted"})
     entered = [
-        Entrant("P2", "the case's own", lambda: plan(coarse)),
-        Entrant("P1", "P1", lambda: plan(linear)),
+        Entrant("P2", "the case's own", lambda: plan(quadratic)),
+        Entrant("P1", "P1", lambda: plan(thick)),
     ]
-    table = race(coarse, entered, exact)
+    table = race(quadratic, entered, exact)
     errors = [row[3] for row in table.rows]
     assert errors[0] < errors[1]
     assert table.rows[0][-1] == "*"
@@ -168,8 +171,8 @@ def test_benchmark_varies_sizes_steps_kernels_and_regimes(coarse: Scene) -> None
 
 
 @pytest.mark.usefixtures("cheap")
-def test_study_counts_what_holds(organ: Scene) -> None:
-    drawn = vary(organ, {"targets": TargetDraw(region="organ")})
+def test_study_counts_what_holds(thick: Scene) -> None:
+    drawn = vary(thick, {"targets": TargetDraw(region="organ", seed=2)})
     (table,) = requests(drawn, (5e-4,), count=1)
     assert table.passed
     assert table.summary == {"met_0.5": 1, "near_0.5": 1}

@@ -77,7 +77,7 @@ def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list
     for accuracy in accuracies:
         found = plan(vary(scene, {"planning.accuracy": accuracy}), target)
         evidence, place = found.evidence, [float(100.0 * x) for x in target]
-        if evidence is None or evidence.estimate is None or found.best is None:
+        if evidence is None or evidence.estimate is None or not evidence.trail or not found.best:
             rows.append([*place, *[""] * 7, str(found.status), False, False])
             continue
         release = found.best.release_point.tobytes()  # the same plan may do for two accuracies
