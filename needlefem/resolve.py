@@ -150,6 +150,8 @@ def _skips(scene: Scene) -> dict[str, str]:
         "mass_and_damping": "not used by a quasi-static insertion",
         "full_fields": "recovered only for the states that are checked, drawn or written",
     }
+    if not scene.planning.estimate:
+        found["estimate"] = "what the discretisation does to a placement: not asked for"
     motion = scene.motion
     if scene.discretisation.integrator != "march" or motion.stages or motion.times:
         del found["time_steps"], found["retraction"]
