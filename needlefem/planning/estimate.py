@@ -6,7 +6,7 @@ size, or, for linear elements, the quadratic one on the same cells. There the di
 another one. Shaft and tip lie on the axis there too, so that lateral forces follow (by the
 plan's own compliance); what is left at the tip is, divided by how depth grows along the path,
 where the seed rests instead. It takes one factorisation and one back-substitution of the finer
-tissue, and is within a tenth of a whole insertion into it.
+tissue, where a whole insertion gives the same within a quarter (tested).
 """
 
 import numpy as np
