@@ -77,6 +77,7 @@ studies: install
 	$(BIN)/needlefem study smoothness $(RESOLVED)
 	$(BIN)/needlefem study independence $(RESOLVED)
 	$(BIN)/needlefem study stability $(RESOLVED)
+	$(BIN)/needlefem study accuracy $(RESOLVED)
 	$(BIN)/needlefem study convergence $(RESOLVED)
 	$(BIN)/needlefem study elements $(RESOLVED)
 	$(BIN)/needlefem study extremes $(RESOLVED)
@@ -131,6 +132,7 @@ bench: install
 	$(BIN)/needlefem bench solvers $(RESOLVED)
 	$(BIN)/needlefem bench tissue $(RESOLVED)
 	$(BIN)/needlefem bench stepping $(PAPER)
+	$(BIN)/needlefem bench accuracy $(RESOLVED) --out $(OUT)/bench
 	$(BIN)/needlefem bench elements verification --out $(OUT)/bench
 	$(BIN)/needlefem bench integrators verification --out $(OUT)/bench
 

@@ -1,21 +1,18 @@
 """Plan on a discretisation that has passed its checks, and say what the plan is worth."""
 
 import dataclasses
-import time
 from collections.abc import Sequence
 
 import numpy as np
 
 from needlefem.arrays import Vector
-from needlefem.checks.needle import needle_resolution, sticking_pieces
-from needlefem.checks.result import CheckResult
-from needlefem.checks.tissue import preflight
-from needlefem.errors import CaseError, CheckFailedError
+from needlefem.errors import CaseError
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
-from needlefem.planning.planner import Planner
-from needlefem.planning.result import Evidence, Plan, PlanStatus, Refusal
+from needlefem.planning.accuracy import make_accurate
+from needlefem.planning.making import Clock, Made, Wanted, make
+from needlefem.planning.result import Attempt, Evidence, Plan, PlanStatus, Refusal
 from needlefem.scene import Scene, vary
 
 
@@ -72,7 +69,7 @@ def _timed(best: Plan, found: Sequence[Plan]) -> Evidence | None:
     if best.evidence is None:
         return None
     laps = [one.evidence.timings for one in found if one.evidence is not None]
-    timings = {name: sum(lap[name] for lap in laps) for name in best.evidence.timings}
+    timings = {name: sum(lap.get(name, 0.0) for lap in laps) for name in best.evidence.timings}
     return dataclasses.replace(best.evidence, timings=timings)
 
 
@@ -97,38 +94,20 @@ def _along(
     scene: Scene, target: Vector, search: str | None, all_solutions: bool, watch: Watch | None
 ) -> Plan:
     """Plan along the scene's direction."""
-    clock = _Clock()
-    simulation = Simulation(scene, watch=watch)
-    if scene.motion.entry:
-        simulation.entry_of_case()  # a plan chooses its own, but the case's must be one
-    planner = Planner(simulation, target)
-    clock.lap("model")
-    checks = checked(simulation)
-    clock.lap("preflight")
-    found = planner.plan(search, all_solutions=all_solutions)
-    clock.lap("search")
-    evidence = _evidence(simulation, found, checks)
+    clock = Clock()
+    wanted = Wanted(target=target, search=search, all_solutions=all_solutions, clock=clock)
+    if scene.planning.accuracy > 0.0:
+        made, trail = make_accurate(scene, wanted, watch)
+    else:
+        made, trail = make(Simulation(scene, watch=watch), wanted), ()
+    evidence = _evidence(made, trail)
     clock.lap("evidence")
     evidence = dataclasses.replace(evidence, timings=clock.laps)
-    return dataclasses.replace(found, evidence=evidence)
+    return dataclasses.replace(made.plan, evidence=evidence)
 
 
-def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
-    """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
-    checks = [*preflight(simulation.model), needle_resolution(simulation)]
-    if simulation.steps:
-        checks.append(sticking_pieces(simulation))
-    failed = [check for check in checks if not check.passed]
-    if failed:
-        worst = failed[0]
-        raise CheckFailedError(
-            f"refused: check '{worst.name}' gives {worst.value:.3g}, at most {worst.bound:.3g} "
-            f"is allowed ({worst.requirement}); repair the mesh or choose another element"
-        )
-    return tuple(checks)
-
-
-def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ...]) -> Evidence:
+def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
+    simulation, found = made.simulation, made.plan
     insertion, energies, strains = found.insertion, None, None
     warnings = [*simulation.resolved.warnings, *_loose(simulation.scene)]
     if found.best is not None:
@@ -140,9 +119,11 @@ def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ..
         if insertion.snaps:
             warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
     return Evidence(
-        preflight=checks,
+        preflight=made.checks,
         ledger=energies,
         validity=strains,
+        estimate=made.estimate,
+        trail=trail,
         warnings=tuple(warnings),
         skipped=simulation.resolved.skipped,
         reasons=simulation.resolved.reasons,
@@ -159,15 +140,3 @@ def _loose(scene: Scene) -> list[str]:
         for name, obstacle in scene.obstacles.items()
         if obstacle.region is not None and obstacle.region not in held
     ]
-
-
-class _Clock:
-    """Seconds between laps."""
-
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name], self._last = now - self._last, now

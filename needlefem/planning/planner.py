@@ -104,12 +104,19 @@ class Planner:
         """Say whether the tip jumped in any insertion so far."""
         return any(insertion.snaps for insertion, _ in self._known.values())
 
-    def plan(self, search: str | None = None, *, all_solutions: bool = False) -> Plan:
-        """Search the height; see `needlefem.plan`."""
+    def plan(
+        self,
+        search: str | None = None,
+        *,
+        all_solutions: bool = False,
+        start: Floats | None = None,
+    ) -> Plan:
+        """Search the height, a root from `start`; see `needlefem.plan`."""
         before = self.simulation.insertions
         numbers = self.simulation.scene.planning
         search = search or numbers.search
-        free = self._candidate(search, numbers.height_range)
+        begin = self._level if start is None else start
+        free = self._candidate(search, begin, numbers.height_range)
         chosen, barred = self._around(search, free)
         spent = self.simulation.insertions - before
         status, sentence = self._judge(free.solution)
@@ -137,8 +144,8 @@ class Planner:
             barred=barred,
         )
 
-    def _candidate(self, search: str, within: Interval) -> Candidate:
-        solution = self._search(search, within)
+    def _candidate(self, search: str, start: Floats, within: Interval) -> Candidate:
+        solution = self._search(search, start, within)
         return Candidate(solution, self.release(solution.height, self._best_reach(solution)))
 
     def _around(self, search: str, free: Candidate) -> tuple[Candidate | None, Barred | None]:
@@ -148,14 +155,14 @@ class Planner:
             return free, None
         within = self.simulation.scene.planning.height_range
         best = self.obstacles.best(
-            lambda interval: self._candidate(search, interval), within, free.release
+            lambda interval: self._candidate(search, self._level, interval), within, free.release
         )
         return best, Barred(free.release, barrier)
 
-    def _search(self, search: str, within: Interval) -> Solution:
+    def _search(self, search: str, start: Floats, within: Interval) -> Solution:
         numbers = self.simulation.scene.planning
         if search == "root":
-            return self._root(self._level, within)
+            return self._root(start, within)
         if len(self.laterals) != 1:
             raise CaseError("planning.search", f"'{search}' is for 2D scenes", "use 'root'")
         method = golden_section if search == "golden" else grid

@@ -11,6 +11,7 @@ Study = Callable[[Scene, "Scene | None"], list[Table]]
 """Takes a case and, where it compares two, the other one."""
 
 STUDIES = {
+    "accuracy": "20 targets planned to an accuracy: estimate and true error",
     "convergence": "the plan under refinement along the path, for the disc and for a point tip",
     "steps": "a hundred thousand steps with inertia, to and fro: what drifts",
     "cycles": "ten thousand times in and out: what drifts, what memory grows",
