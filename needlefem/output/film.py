@@ -28,8 +28,6 @@ class Moment:
         On the needle.
     u : array, shape (ndofs,), m
         Displacement.
-    vertices : array, shape (nvertices, dim), m
-        Where the mesh is in the world.
     contours : tuple of arrays, shape (n, dim), m
         Where the regions' outlines are.
     path : array, shape (n, dim), m
@@ -42,7 +40,6 @@ class Moment:
     depth: float
     force: float
     u: Floats
-    vertices: Points
     contours: tuple[Points, ...]
     path: Points
     seeds: Points
@@ -125,7 +122,6 @@ class Film:
             depth=float(mix @ [one.depth, other.depth]),
             force=float(mix @ [one.force, other.force]),
             u=u,
-            vertices=self.model.mesh.p.T + u[self.model.basis.nodal_dofs].T,
             contours=tuple(p + d for p, d in zip(self.outlines, moved, strict=True)),
             path=path,
             seeds=seeds,

@@ -29,6 +29,7 @@ from needlefem.output.quantities import QUANTITIES, scale_of
 from needlefem.output.render import Shot, Studio, animate, panels, render
 from needlefem.output.setuppicture import draw_setup
 from needlefem.output.style import Style
+from needlefem.output.surface import Surface
 from needlefem.output.texture import synthetic_ultrasound
 from needlefem.output.view import View, whole
 from needlefem.resolve import with_element
@@ -237,8 +238,8 @@ def test_a_block_of_tetrahedra_is_cut_open(block, gel: Scene) -> None:  # noqa: 
     film = Film(insertion)
     plotter = renderer().Plotter(off_screen=True, window_size=[320, 240])
     canvas = Canvas(plotter, insertion.axis, Style())
-    corners, _ = canvas.surface(block.mesh)
-    normals = canvas.screen(block.mesh.p.T)[corners]
+    surface = Surface(block, canvas.behind(block.mesh))
+    normals = canvas.screen(surface.rest)[surface.polygons]
     assert normals[:, :, 2].min() < -0.015
     assert whole(canvas, film).height > 0.04
     studio = Studio([film], Shot(size=SIZE), scale_times=[[0.0]])
