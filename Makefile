@@ -8,6 +8,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PAPER := cases/prostate-2003/case.toml
 RESOLVED := cases/prostate/case.toml
+TRAIN := cases/prostate-train/case.toml
 DEBIAN := libegl1 libgl1 libgl1-mesa-dri libxrender1
 DRAWS := $(BIN)/python -c "from needlefem.output.driver import renderer; renderer()"
 
@@ -30,7 +31,7 @@ help:
 	@echo "make studies    every study behind the documentation's tables (half an hour)"
 	@echo "make calibrate  calibrate the paper's scene anew (an hour)"
 	@echo "make bench      what a plan, a time step and an accuracy cost"
-	@echo "make figures    the paper's figures beside its numbers, and the README's animation, into docs"
+	@echo "make figures    the paper's figures beside its numbers, and the README's pictures, into docs"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -87,7 +88,14 @@ calibrate: install
 figures: install
 	$(BIN)/needlefem figures $(PAPER) --out docs
 	$(BIN)/needlefem render $(PAPER) --setup --out docs/pictures/setup.png
-	$(BIN)/needlefem render cases/prostate-train/case.toml --size 800x450 --frames 48 --out docs/pictures/train.webp
+	$(BIN)/needlefem render $(TRAIN) --size 800x450 --frames 48 --out docs/pictures/train.webp
+	$(BIN)/needlefem plan $(PAPER) --out $(OUT)/prostate-2003
+	$(BIN)/needlefem plan $(RESOLVED) --out $(OUT)/prostate
+	$(BIN)/needlefem run $(TRAIN) --out $(OUT)/prostate-train
+	cp $(OUT)/prostate-2003/stages.png docs/pictures/stages.png
+	cp $(OUT)/prostate/stages.png docs/pictures/stages-resolved.png
+	cp $(OUT)/prostate-train/forces.png docs/pictures/forces-train.png
+	cp $(OUT)/prostate-train/sticking.png docs/pictures/sticking-train.png
 
 bench: install
 	$(BIN)/needlefem bench render $(PAPER)

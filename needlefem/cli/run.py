@@ -24,6 +24,7 @@ from needlefem.output.records import (
     seed_record,
 )
 from needlefem.output.scanner import scanner_lines, with_scanner
+from needlefem.output.snapshots import write_snapshots
 from needlefem.planning.plan import checked
 
 GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
@@ -57,6 +58,8 @@ def main(options: argparse.Namespace) -> int:
             say("\n" + expected.text())
     if folder is not None:
         write_json(folder / "run.json", record)
+        if options.snapshots:
+            write_snapshots(insertion, folder, options.snapshots)
         if not options.no_pictures:
             draw_forces(insertion, folder / "forces.png")
             draw_sticking(insertion, folder / "sticking.png")

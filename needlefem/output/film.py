@@ -55,7 +55,8 @@ class Film:
 
     def __init__(self, insertion: Insertion) -> None:
         self.insertion, self.model = insertion, insertion.model
-        self.outlines = tuple(r.contour.points for r in insertion.scene.regions.values())
+        plane = insertion.scene.regions.values() if self.model.dim == 2 else ()
+        self.outlines = tuple(region.contour.points for region in plane)
         place = self.model.interpolation.at
         self._outline_weights = [place(points) for points in self.outlines]
         states = insertion.states

@@ -1,7 +1,7 @@
 """What notebooks show of an insertion and of a plan."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import singledispatch
 from html import escape
 from pathlib import Path
@@ -13,7 +13,6 @@ from needlefem.arrays import Vector
 from needlefem.errors import NoRendererError
 from needlefem.insertion.result import Insertion
 from needlefem.planning.result import Plan
-from needlefem.scene import Scene
 
 SIZE = (800, 600)
 """Pixels of a picture in a notebook."""
@@ -27,13 +26,13 @@ def html_of(result: Any) -> str:
 
 @html_of.register
 def _(result: Insertion) -> str:
-    last, outcome = result.states[-1], result.outcome
+    last, outcome, axes = result.states[-1], result.outcome, result.model.axes
     rows = {
         "status": f"{outcome.status}: {outcome.sentence}",
         "depth": f"{100 * last.depth:.3f} cm",
-        "material at the tip": _place(last.tip, result.scene),
-        "force at the end": f"{last.force:.4g} N/m",
-        "seeds": ", ".join(f"{s.name} {_place(s.point, result.scene)}" for s in result.seeds),
+        "material at the tip": _place(last.tip, axes),
+        "force at the end": f"{last.force:.4g} {'N' if result.model.dim == 3 else 'N/m'}",
+        "seeds": ", ".join(f"{s.name} {_place(s.point, axes)}" for s in result.seeds),
         "mesh": f"{result.model.mesh.nelements} cells, {result.scene.discretisation.element}",
     }
     return _table(result.scene.title, rows)
@@ -41,12 +40,12 @@ def _(result: Insertion) -> str:
 
 @html_of.register
 def _(result: Plan) -> str:
-    scene, best = result.insertion.scene, result.best
+    scene, best, axes = result.insertion.scene, result.best, result.insertion.model.axes
     rows = {
         "status": f"{result.status}: {result.sentence}",
-        "target": _place(result.target, scene),
-        "release at": "" if best is None else _place(best.release_point, scene),
-        "comes to rest": "" if best is None else _place(best.placed_at, scene),
+        "target": _place(result.target, axes),
+        "release at": "" if best is None else _place(best.release_point, axes),
+        "comes to rest": "" if best is None else _place(best.placed_at, axes),
         "placement error": "" if best is None else f"{100 * best.placement_error:.2g} cm",
         "insertions": f"{result.insertions} ({result.search})",
         "warnings": "" if result.evidence is None else "; ".join(result.evidence.warnings),
@@ -58,9 +57,9 @@ def _(result: Plan) -> str:
     return _table(scene.title, rows)
 
 
-def _place(point: Vector, scene: Scene) -> str:
-    axes, values = ", ".join(scene.axes), ", ".join(f"{100 * x:.3f}" for x in point)
-    return f"({axes}) = ({values}) cm"
+def _place(point: Vector, axes: Sequence[str]) -> str:
+    values = ", ".join(f"{100 * x:.3f}" for x in point)
+    return f"({', '.join(axes)}) = ({values}) cm"
 
 
 def _table(title: str, rows: Mapping[str, str]) -> str:
@@ -76,10 +75,10 @@ def _table(title: str, rows: Mapping[str, str]) -> str:
 def png_of(result: Insertion | Plan) -> bytes | None:
     """Return the deformed tissue with the needle at its deepest (a plan: at its release) as PNG.
 
-    None where nothing can draw, and in 3D, which is not drawn yet: a notebook then shows the table.
+    None where nothing can draw, or nothing has moved yet: a notebook then shows the table.
     """
     insertion = result.insertion if isinstance(result, Plan) else result
-    if insertion.scene.dim != 2 or len(insertion.states) < 2:
+    if len(insertion.states) < 2:
         return None
     depth = _release_depth(result) if isinstance(result, Plan) else None
     from needlefem.output.render import Shot, render  # noqa: PLC0415  (pictures are drawn on demand)

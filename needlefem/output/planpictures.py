@@ -51,7 +51,9 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     cut = CutPath(insertion)
     depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)
     reached = [cut.at_depth(float(depth)) for depth in depths]
-    points = np.array([np.full(2, np.nan) if r is None else r.point for r in reached])
+    points = np.array(
+        [np.full(len(plan.target), np.nan) if r is None else r.point for r in reached]
+    )
     error = 100.0 * np.linalg.norm(points - plan.target, axis=1)
     lines = [(style.seed, "a seed released at this depth")]
     inside = _inside_target_region(scene, plan.target, points)
