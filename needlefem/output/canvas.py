@@ -19,6 +19,8 @@ LAYER = 1e-3
 """Distance of one layer from the next, m: higher ones cover lower ones."""
 FULL = 600.0
 """Height of a panel, pixels, below which lines get thinner with it."""
+THINNEST = 1.25
+"""Width of a line, pixels, below which parts of it fall between the samples of a pixel."""
 
 
 class Canvas:
@@ -83,7 +85,11 @@ class Canvas:
 
     def strands(self, points: Points, numbers: Ints, layer: float, width: float) -> "Strands":
         """Return lines through some of many points, numbers of shape (n, k), to be drawn."""
-        return Strands(self, points, numbers, layer, self._thin * width)
+        return Strands(self, points, numbers, layer, self.width(width))
+
+    def width(self, width: float) -> float:
+        """Return how wide a line is drawn in this panel, pixels."""
+        return max(self._thin * width, THINNEST)
 
     def polyline(
         self, points: Points, colour: str, width: float, layer: float, *, closed: bool = False
@@ -91,7 +97,7 @@ class Canvas:
         """Draw a line through points of the world, `width` pixels wide."""
         ring = np.vstack([points, points[:1]]) if closed else points
         data = self._pv.lines_from_points(self.plane(ring, layer))
-        self.add(data, color=colour, line_width=self._thin * width)
+        self.add(data, color=colour, line_width=self.width(width))
         return data
 
     def contour(self, points: Points, colour: str | None = None) -> Any:

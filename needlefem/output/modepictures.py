@@ -35,7 +35,7 @@ def draw_modes(
         Nothing here can draw.
     """
     pv = renderer()
-    style = Style(outline_width=2.0)
+    style = Style()
     across = min(ACROSS, len(shapes))
     down = -(-len(shapes) // across)
     plotter = pv.Plotter(

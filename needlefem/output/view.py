@@ -172,9 +172,10 @@ class View:
 
     def caption(self, moment: Moment) -> str:
         """Return time, depth and force as text."""
-        unit = "N" if self.film.model.dim == 3 else "N/m"
+        solid = self.film.model.dim == 3
+        force = f"{moment.force:.2f} N" if solid else f"{moment.force:.0f} N/m"
         depth = f"depth {100 * moment.depth:.2f} cm" if moment.depth >= 0.0 else "needle out"
-        return f"{moment.time:.2f} s, {depth}, force {moment.force:.0f} {unit}"
+        return f"{moment.time:.2f} s, {depth}, force {force}"
 
 
 def whole(canvas: Canvas, film: Film) -> Window:

@@ -1,10 +1,9 @@
-"""Pictures against kept ones, and what they are made of against the insertion itself."""
+"""Pictures, animations and what they are made of against the insertion itself."""
 
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -27,7 +26,6 @@ from needlefem.output.figures.turning import turned
 from needlefem.output.film import Film
 from needlefem.output.quantities import QUANTITIES, scale_of
 from needlefem.output.render import Shot, Studio, animate, panels, render
-from needlefem.output.setuppicture import draw_setup
 from needlefem.output.style import Style
 from needlefem.output.surface import Surface
 from needlefem.output.texture import synthetic_ultrasound
@@ -37,56 +35,7 @@ from needlefem.scene import Scene, Stage, vary
 from tests.conftest import PAPER_CASE
 from tests.insertion.test_three_dimensions import block, push  # noqa: F401
 
-KEPT = Path(__file__).parents[1] / "pictures"
 SIZE = (320, 240)
-MEAN, FAR, FEW = 3.0, 48, 0.02
-"""Mean difference of colours (of 255); a difference that counts, and the share that may have it."""
-
-
-def alike(one: Path, other: Path) -> bool:
-    """Say whether two pictures show the same, drivers being free to smooth as they like."""
-    with Image.open(one) as a, Image.open(other) as b:
-        apart = np.abs(np.asarray(a.convert("RGB"), float) - np.asarray(b.convert("RGB"), float))
-    return bool(apart.mean() < MEAN and np.mean(apart.max(axis=2) > FAR) < FEW)
-
-
-@pytest.fixture(scope="module")
-def known() -> dict[str, Insertion]:
-    return {}
-
-
-@pytest.fixture
-def pushed(organ: Scene, known: dict[str, Insertion]) -> Insertion:
-    """Return one insertion into the organ, with a seed and a way back."""
-    stages = (Stage(to=0.025, release="seed"), Stage(to=-0.002))
-    if "pushed" not in known:
-        known["pushed"] = simulate(vary(organ, {"motion.stages": stages}))
-    return known["pushed"]
-
-
-DRAWN: dict[str, Callable[[Insertion, Path], object]] = {
-    "regions": lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE)),
-    "seed": lambda i, p: render(i, p, shot=Shot(size=SIZE)),
-    "displacement": lambda i, p: render(
-        i, p, depth=0.02, shot=Shot(size=SIZE, field="displacement")
-    ),
-    "ultrasound": lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE, texture="synthetic")),
-    "beside": lambda i, p: render(
-        i, p, depth=0.02, beside=i, shot=Shot(size=(480, 240), field="strain")
-    ),
-    "setup": lambda i, p: draw_setup(i.scene, p, size=SIZE),
-}
-
-
-@pytest.mark.parametrize("name", DRAWN)
-def test_pictures_are_as_kept(name: str, pushed: Insertion, tmp_path: Path) -> None:
-    DRAWN[name](pushed, tmp_path / "new.png")
-    assert alike(tmp_path / "new.png", KEPT / f"{name}.png")
-
-
-def test_another_picture_is_not_alike(pushed: Insertion, tmp_path: Path) -> None:
-    render(pushed, tmp_path / "new.png", depth=0.012, shot=Shot(size=SIZE))
-    assert not alike(tmp_path / "new.png", KEPT / "regions.png")
 
 
 def test_film_passes_through_the_states(pushed: Insertion) -> None:
