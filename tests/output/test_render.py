@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from needlefem.cli.main import main
+from needlefem.cli.replay import replay
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.fem.build import build_model
 from needlefem.fem.cellvalues import CellValues
@@ -226,9 +227,17 @@ def test_command_draws_cases_and_results(
 
 
 def test_command_carries_a_plan_out(tmp_path: Path) -> None:
-    coarse = ["--set", "mesh.divisions=[16, 16]", "--set", "needle.tip_radius=2 mm"]
+    coarse = [
+        "mesh.divisions=[16, 16]",
+        "needle.tip_radius=2 mm",
+        "discretisation.path_spacing=3 mm",
+    ]
+    sets = [part for key in coarse for part in ("--set", key)]
     out = ["--out", str(tmp_path), "--no-pictures"]
-    assert main(["plan", str(PAPER_CASE), *coarse, *out]) in (0, 1)  # the paper's numbers are off
+    assert main(["plan", str(PAPER_CASE), *sets, *out]) in (0, 1)  # the paper's numbers are off
+    insertion = replay(str(tmp_path), (), None)
+    assert insertion.depths[-1] < 0.0
+    assert len(insertion.seeds) == 1
     assert run(str(tmp_path), "--out", str(tmp_path / "p.png")) == 0
 
 

@@ -40,7 +40,7 @@ def picture(shape: Shape) -> str:
         cmap="viridis",
         lighting=False,
         scalar_bar_args={
-            "title": "displacement (m)", "title_font_size": 20, "n_labels": 3,
+            "title": "displacement (m)\n", "title_font_size": 20, "n_labels": 3,
             "fmt": "%.3g", "color": "#202020", "label_font_size": 22,
             "vertical": True, "position_x": 0.85, "position_y": 0.2, "height": 0.6, "width": 0.06,
         },
