@@ -89,7 +89,7 @@ class Canvas:
 
     def width(self, width: float) -> float:
         """Return how wide a line is drawn in this panel, pixels."""
-        return max(self._thin * width, THINNEST)
+        return max(float(self._thin * width), THINNEST)
 
     def polyline(
         self, points: Points, colour: str, width: float, layer: float, *, closed: bool = False
