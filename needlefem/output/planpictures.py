@@ -62,7 +62,7 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     if plan.depth_only is not None:
         at = 100.0 * float(insertion.axis.along(plan.depth_only.release_point))
         least = 100.0 * plan.depth_only.placement_error
-        lines.append((style.target, f"best depth {at:.2f} cm: error {least:.2f} cm"))
+        lines.append((style.target, f"best depth {at:.2f} cm: error {least:.2g} cm"))
     plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
     plotter.set_background(style.background)
     depths = 100.0 * depths
