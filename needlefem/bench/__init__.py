@@ -16,6 +16,7 @@ BENCHMARKS = {
     "solvers": "orders of the factorisation, for definite and for mixed elements",
     "elements": "error against seconds of elements in the reference problems",
     "integrators": "error against seconds of integrators, with elements and kinds of mass",
+    "accuracy": "error of the placement against seconds of the whole plan, with the front",
     "render": "an animation beside the bare PyVista loop that renders the same frames",
     "process": "the whole plan command against importing scikit-fem",
 }

@@ -25,7 +25,7 @@ from needlefem.output.records import (
 )
 from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.output.snapshots import write_snapshots
-from needlefem.planning.plan import checked
+from needlefem.planning.making import checked
 
 
 def main(options: argparse.Namespace) -> int:

@@ -78,6 +78,14 @@ class Instrument:
             np.concatenate([points, piece]), np.concatenate([weights, piece_weights]), rows, 2
         )
 
+    def pieces(self, vertices: Points) -> Weights:
+        """Return the means over the pieces of a path between its vertices, shape (n, dim), m."""
+        share, offsets, weights = self._piece_rule
+        ahead = np.diff(vertices, axis=0)[:, None]
+        points = (vertices[:-1, None] + share * ahead + offsets).reshape(-1, vertices.shape[1])
+        rows = np.repeat(np.arange(len(ahead)), len(weights))
+        return self.interpolation.means(points, np.tile(weights, len(ahead)), rows, len(ahead))
+
     def cutting_force_at(self, weights: Weights) -> float:
         """Return the cutting force, averaged over the kernel (row 0), N (N/m in 2D)."""
         return float(weights.rows[0] @ self.cutting_force[weights.nodes])
