@@ -8,6 +8,7 @@ BIN := $(VENV)/bin
 OUT ?= out
 PAPER := cases/prostate-2003/case.toml
 RESOLVED := cases/prostate/case.toml
+TRAIN := cases/prostate-train/case.toml
 DEBIAN := libegl1 libgl1 libgl1-mesa-dri libxrender1
 DRAWS := $(BIN)/python -c "from needlefem.output.driver import renderer; renderer()"
 
@@ -92,7 +93,14 @@ calibrate: install
 figures: install
 	$(BIN)/needlefem figures $(PAPER) --out docs
 	$(BIN)/needlefem render $(PAPER) --setup --out docs/pictures/setup.png
-	$(BIN)/needlefem render cases/prostate-train/case.toml --size 800x450 --frames 48 --out docs/pictures/train.webp
+	$(BIN)/needlefem render $(TRAIN) --size 800x450 --frames 48 --out docs/pictures/train.webp
+	$(BIN)/needlefem plan $(PAPER) --out $(OUT)/prostate-2003
+	$(BIN)/needlefem plan $(RESOLVED) --out $(OUT)/prostate
+	$(BIN)/needlefem run $(TRAIN) --out $(OUT)/prostate-train
+	cp $(OUT)/prostate-2003/stages.png docs/pictures/stages.png
+	cp $(OUT)/prostate/stages.png docs/pictures/stages-resolved.png
+	cp $(OUT)/prostate-train/forces.png docs/pictures/forces-train.png
+	cp $(OUT)/prostate-train/sticking.png docs/pictures/sticking-train.png
 	for case in breast liver; do \
 		$(BIN)/needlefem render cases/$$case/case.toml --setup --out docs/pictures/$$case-setup.png && \
 		$(BIN)/needlefem plan cases/$$case/case.toml --out $(OUT)/$$case --no-pictures && \

@@ -5,9 +5,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
 from needlefem.output.files import to_json
+
+GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
+"""How a motion ends that did what it was told."""
 
 
 def say(text: str) -> None:

@@ -84,6 +84,10 @@ def _output(parser: argparse.ArgumentParser) -> None:
 def _run(parser: argparse.ArgumentParser) -> None:
     _case(parser)
     _output(parser)
+    parser.add_argument(
+        "--snapshots", type=int, default=0, metavar="N",
+        help="with --out: N moments of the tissue as VTU files for ParaView, in insertion.pvd",
+    )  # fmt: skip
 
 
 def _plan(parser: argparse.ArgumentParser) -> None:

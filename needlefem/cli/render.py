@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from needlefem.cli.common import progress, say, say_json
+from needlefem.cli.common import GOOD, progress, say, say_json, warn
 from needlefem.cli.replay import replay, scene_of
 from needlefem.errors import CaseError
 from needlefem.output.driver import renderer
@@ -37,6 +37,9 @@ def _draw(options: argparse.Namespace, path: Path, shot: Shot) -> None:
     with progress("moving") as watch:
         insertion = replay(options.case, options.overrides, watch)
         beside = replay(options.beside, options.overrides, watch) if options.beside else None
+    shown = [found for found in (insertion, beside) if found is not None]
+    ends = [found.outcome for found in shown if found.outcome.status not in GOOD]
+    warn([f"the motion is shown as far as it goes: {end.sentence}" for end in ends])
     time = parse_quantity(options.time, "time", "--time") if options.time else None
     depth = parse_quantity(options.depth, "length", "--depth") if options.depth else None
     still = time is not None or depth is not None

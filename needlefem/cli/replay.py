@@ -23,6 +23,8 @@ SAME = 1e-9
 """Difference of depths and tips, m, up to which a run is the one that was written."""
 CLOSE = 5e-5
 """The same of where a planned seed rests: the plan interpolates between depths."""
+OUT = 1e-3
+"""How far in front of the skin a needle ends that carried a plan out, m."""
 
 
 def scene_of(path: str, overrides: Sequence[str]) -> Scene:
@@ -43,7 +45,7 @@ def scene_of(path: str, overrides: Sequence[str]) -> Scene:
 def replay(path: str, overrides: Sequence[str], watch: Watch | None) -> Insertion:
     """Return what a case's needle does, or what a result's did.
 
-    A plan's insertion is carried out, to the release.
+    A plan is carried out: insertion, release, and the needle out again.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def _moved(scene: Scene, watch: Watch | None) -> Insertion:
 
 
 def _carried_out(again: Again) -> Scene:
-    """Return the plan's scene with a motion to its release point."""
+    """Return the plan's scene with a motion to its release point and out of the tissue."""
     release = again.record["release_point"]
     if release is None:
         raise CaseError("release_point", "the plan has none", "render its case instead")
@@ -82,7 +84,7 @@ def _carried_out(again: Again) -> Scene:
     point = np.array(release)
     entry = simulation.entry_through(point)
     depth = float((point - entry.point) @ simulation.direction)
-    stages = (Stage(to=depth, release="seed"),)
+    stages = (Stage(to=depth, release="seed"), Stage(to=-OUT))
     motion: Motion = dataclasses.replace(
         scene.motion, entry=tuple(entry.point.tolist()), stages=stages, times=(), depths=()
     )

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import centimetres, progress, say, say_json, warn
+from needlefem.cli.common import GOOD, centimetres, progress, say, say_json, warn
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.path import Path as CutPath
 from needlefem.insertion.path import Reach
-from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.validity import validity
 from needlefem.needle.clearance import passings
@@ -25,9 +25,8 @@ from needlefem.output.records import (
     seed_record,
 )
 from needlefem.output.scanner import scanner_lines, with_scanner
+from needlefem.output.snapshots import write_snapshots
 from needlefem.planning.making import checked
-
-GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
 
 
 def main(options: argparse.Namespace) -> int:
@@ -58,6 +57,8 @@ def main(options: argparse.Namespace) -> int:
             say("\n" + expected.text())
     if folder is not None:
         write_json(folder / "run.json", record)
+        if options.snapshots:
+            write_snapshots(insertion, folder, options.snapshots)
         if not options.no_pictures:
             draw_forces(insertion, folder / "forces.png")
             draw_sticking(insertion, folder / "sticking.png")

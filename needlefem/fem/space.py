@@ -15,6 +15,7 @@ CELLS = {
     (2, 3): "triangle",
     (2, 4): "quadrilateral",
     (3, 4): "tetrahedron",
+    (3, 8): "hexahedron",
 }
 """Cell shapes by dimension and number of corners."""
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Vector
-from needlefem.fem.mesh import BACKGROUND
+from needlefem.arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.needle.axis import Axis
 from needlefem.output.driver import renderer
 from needlefem.output.style import Style
@@ -18,10 +17,11 @@ from needlefem.output.style import Style
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 LAYER = 1e-3
 """Distance of one layer from the next, m: higher ones cover lower ones."""
-SKIN_LAYER = 2
 OBSTACLE_LAYER = 2.2
 FULL = 600.0
 """Height of a panel, pixels, below which lines get thinner with it."""
+THINNEST = 1.25
+"""Width of a line, pixels, below which parts of it fall between the samples of a pixel."""
 
 
 class Canvas:
@@ -60,42 +60,21 @@ class Canvas:
         at[:, 2] = LAYER * layer
         return at
 
-    def surface(self, mesh: SkfemMesh) -> tuple[Ints, Ints]:
-        """Return the polygons that show a mesh, shape (n, corners), and their cells, (n,)."""
+    def behind(self, mesh: SkfemMesh) -> Bools:
+        """Say which cells are shown, shape (ncells,): of tissue in space those behind the line."""
         if mesh.dim() == 2:
-            return mesh.t.T, np.arange(mesh.nelements)
-        behind = self.axis.offset(mesh.p[:, mesh.t].mean(axis=1).T)[:, 1] <= 0.0
-        kept = np.flatnonzero(behind)
-        facets, cells = mesh.t2f[:, kept].T.ravel(), np.repeat(kept, len(mesh.t2f))
-        seen = np.bincount(facets, minlength=mesh.nfacets)[facets] == 1
-        return mesh.facets[:, facets[seen]].T, cells[seen]
+            return np.ones(mesh.nelements, dtype=bool)
+        middles = mesh.p[:, mesh.t].mean(axis=1).T
+        found: Bools = self.axis.offset(middles)[:, 1] <= 0.0
+        return found
 
     def polygons(self, points: Points, corners: Ints) -> Any:
         """Return polygons, corners of shape (n, k), as a PyVista mesh that can be moved."""
         faces = np.column_stack([np.full(len(corners), corners.shape[1]), corners]).ravel()
         return self._pv.PolyData(self.screen(points), faces=faces)
 
-    def tissue(self, mesh: SkfemMesh, points: Points, *, edges: bool = True) -> tuple[Any, Ints]:
-        """Draw the mesh by region, its vertices at points, shape (nvertices, dim), m.
-
-        Returns what was drawn, whose points may be set, and the cell of each of its polygons.
-        """
-        corners, cells = self.surface(mesh)
-        data = self.polygons(points, corners)
-        names = [BACKGROUND, *sorted(set(mesh.subdomains) - {BACKGROUND})]
-        owner = np.zeros(mesh.nelements, dtype=np.intp)
-        for number, name in enumerate(names):
-            owner[mesh.subdomains[name]] = number
-        palette = [self._pv.Color(colour).int_rgb for colour in self.style.tissue]
-        colours = np.array(palette, dtype=np.uint8)[owner[cells] % len(palette)]
-        data.cell_data["colours"] = colours
-        self.add(data, scalars="colours", rgb=True, **self.edges(edges))
-        return data, cells
-
-    def edges(self, shown: bool) -> dict[str, Any]:
-        """Return how the edges of cells are drawn."""
-        if not shown:
-            return {"show_edges": False}
+    def edges(self) -> dict[str, Any]:
+        """Return how the edges of polygons are drawn."""
         width = self._thin * self.style.mesh_width
         return {"show_edges": True, "edge_color": self.style.mesh, "line_width": width}
 
@@ -105,16 +84,13 @@ class Canvas:
             data, lighting=False, show_scalar_bar=False, reset_camera=False, render=False, **how
         )
 
-    def skin(self, mesh: SkfemMesh, points: Points) -> Any:
-        """Draw the outer edge of a plane tissue."""
-        edge = mesh.facets[:, mesh.boundary_facets()].T
-        lines = np.column_stack([np.full(len(edge), 2), edge]).ravel()
-        data = self._pv.PolyData(self.screen(points, SKIN_LAYER), lines=lines)
-        width = self._thin * self.style.outline_width
-        self.add(data, color=self.style.outline, line_width=width)
-        # where edges meet a pixel may stay open: points close it
-        self.add(data, color=self.style.outline, style="points", point_size=width)
-        return data
+    def strands(self, points: Points, numbers: Ints, layer: float, width: float) -> "Strands":
+        """Return lines through some of many points, numbers of shape (n, k), to be drawn."""
+        return Strands(self, points, numbers, layer, self.width(width))
+
+    def width(self, width: float) -> float:
+        """Return how wide a line is drawn in this panel, pixels."""
+        return max(float(self._thin * width), THINNEST)
 
     def polyline(
         self, points: Points, colour: str, width: float, layer: float, *, closed: bool = False
@@ -122,7 +98,7 @@ class Canvas:
         """Draw a line through points of the world, `width` pixels wide."""
         ring = np.vstack([points, points[:1]]) if closed else points
         data = self._pv.lines_from_points(self.plane(ring, layer))
-        self.add(data, color=colour, line_width=self._thin * width)
+        self.add(data, color=colour, line_width=self.width(width))
         return data
 
     def contour(self, points: Points, colour: str | None = None) -> Any:
@@ -200,3 +176,30 @@ class Marker:
         shift = self._canvas.plane(point, 0)[0] - self._home
         for shape, base in zip(self._shapes, self._bases, strict=True):
             shape.points = base + shift
+
+
+class Strands:
+    """Lines through points that move."""
+
+    def __init__(
+        self, canvas: Canvas, points: Points, numbers: Ints, layer: float, width: float
+    ) -> None:
+        self._canvas, self._layer, self._width = canvas, layer, width
+        self._used, place = np.unique(numbers, return_inverse=True)
+        count, size = numbers.shape
+        lines = np.column_stack([np.full(count, size), place.reshape(count, size)]).ravel()
+        self._data = renderer().PolyData(self._at(points), lines=lines)
+
+    def _at(self, points: Points) -> Floats:
+        return self._canvas.screen(points[self._used], self._layer)
+
+    def draw(self, colour: str, *, closed: bool = False) -> "Strands":
+        """Draw them; `closed` fills the pixels that may stay open where lines meet."""
+        self._canvas.add(self._data, color=colour, line_width=self._width)
+        if closed:
+            self._canvas.add(self._data, color=colour, style="points", point_size=self._width)
+        return self
+
+    def to(self, points: Points) -> None:
+        """Move all points, shape (npoints, dim), m."""
+        self._data.points = self._at(points)

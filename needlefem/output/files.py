@@ -54,9 +54,3 @@ def write_text(path: Path, text: str) -> None:
     """Write a text."""
     with whole_file(path) as part:
         part.write_text(text, encoding="utf-8")
-
-
-def write_csv(path: Path, header: list[str], columns: np.ndarray) -> None:
-    """Write columns, shape (n, len(header)), under a header that names units."""
-    with whole_file(path) as part:
-        np.savetxt(part, columns, delimiter=",", header=",".join(header), comments="", fmt="%.9g")

@@ -28,8 +28,6 @@ class Moment:
         On the needle.
     u : array, shape (ndofs,), m
         Displacement.
-    vertices : array, shape (nvertices, dim), m
-        Where the mesh is in the world.
     contours : tuple of arrays, shape (n, dim), m
         Where the regions' outlines are.
     path : array, shape (n, dim), m
@@ -42,7 +40,6 @@ class Moment:
     depth: float
     force: float
     u: Floats
-    vertices: Points
     contours: tuple[Points, ...]
     path: Points
     seeds: Points
@@ -58,7 +55,8 @@ class Film:
 
     def __init__(self, insertion: Insertion) -> None:
         self.insertion, self.model = insertion, insertion.model
-        self.outlines = tuple(r.contour.points for r in insertion.scene.regions.values())
+        plane = insertion.scene.regions.values() if self.model.dim == 2 else ()
+        self.outlines = tuple(region.contour.points for region in plane)
         place = self.model.interpolation.at
         self._outline_weights = [place(points) for points in self.outlines]
         states = insertion.states
@@ -125,7 +123,6 @@ class Film:
             depth=float(mix @ [one.depth, other.depth]),
             force=float(mix @ [one.force, other.force]),
             u=u,
-            vertices=self.model.mesh.p.T + u[self.model.basis.nodal_dofs].T,
             contours=tuple(p + d for p, d in zip(self.outlines, moved, strict=True)),
             path=path,
             seeds=seeds,

@@ -17,6 +17,8 @@ Image = NDArray[np.uint8]
 """Shape (height, width, 3)."""
 STILLS = (".png", ".webp", ".jpg")
 MOVING = (".gif", ".webp", ".mp4")
+UNSEEN = 5
+"""Change of a pixel (of 255) that nobody sees: a PNG may lose it."""
 QUALITY = 82
 """Of WebP and JPEG."""
 
@@ -29,7 +31,7 @@ def save(plotter: Any, path: Path) -> Path:
 
 
 def save_still(image: Image, path: Path) -> Path:
-    """Write an image; the file's name says how.
+    """Write an image; the file's name says how. PNG gets a palette where no colour is lost.
 
     Raises
     ------
@@ -39,8 +41,14 @@ def save_still(image: Image, path: Path) -> Path:
     from PIL import Image as Pillow  # noqa: PLC0415  (comes with the pictures)
 
     _known(path, STILLS)
+    shown = Pillow.fromarray(image)
+    if path.suffix == ".png":  # a palette halves the file
+        cover = Pillow.Quantize.MAXCOVERAGE
+        few = shown.quantize(256, method=cover, dither=Pillow.Dither.NONE)
+        lost = np.abs(np.asarray(few.convert("RGB"), dtype=int) - image).max()
+        shown = few if lost <= UNSEEN else shown
     with whole_file(path) as part:
-        Pillow.fromarray(image).save(part, quality=QUALITY, optimize=True)
+        shown.save(part, quality=QUALITY, optimize=True)
     return path
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from needlefem.arrays import Floats, Points
 from needlefem.fem.model import Model
 from needlefem.needle.axis import Axis
+from needlefem.output.body import Body
 from needlefem.output.canvas import Canvas
 from needlefem.output.driver import renderer
 from needlefem.output.images import save
@@ -34,7 +35,7 @@ def draw_modes(
         Nothing here can draw.
     """
     pv = renderer()
-    style = Style(outline_width=2.0)
+    style = Style()
     across = min(ACROSS, len(shapes))
     down = -(-len(shapes) // across)
     plotter = pv.Plotter(
@@ -48,9 +49,9 @@ def draw_modes(
         canvas = Canvas(plotter, axis, style)
         largest = float(np.linalg.norm(shape, axis=1).max())
         field = model.dof_vector(SWING * size / largest * shape)
-        moved = model.mesh.p.T + field[model.basis.nodal_dofs].T
-        canvas.tissue(model.mesh, moved)
-        canvas.skin(model.mesh, moved)
+        body = Body(canvas, model)
+        body.draw_regions()
+        body.to(field)
         for region in scene.regions.values():
             points = region.contour.points
             canvas.contour(points + model.displacement_at(field, points))

@@ -1,7 +1,7 @@
-"""What notebooks show of an insertion and of a plan."""
+"""What notebooks show of scenes, insertions, plans and results read again."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import singledispatch
 from html import escape
 from pathlib import Path
@@ -12,6 +12,7 @@ import numpy as np
 from needlefem.arrays import Vector
 from needlefem.errors import NoRendererError
 from needlefem.insertion.result import Insertion
+from needlefem.output.saved import SavedResult
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene
 
@@ -21,19 +22,19 @@ SIZE = (800, 600)
 
 @singledispatch
 def html_of(result: Any) -> str:
-    """Return an insertion or a plan as an HTML table of what one asks first."""
+    """Return a result as an HTML table of what one asks first."""
     raise TypeError(f"{type(result).__name__} is not shown")
 
 
 @html_of.register
 def _(result: Insertion) -> str:
-    last, outcome = result.states[-1], result.outcome
+    last, outcome, axes = result.states[-1], result.outcome, result.model.axes
     rows = {
         "status": f"{outcome.status}: {outcome.sentence}",
         "depth": f"{100 * last.depth:.3f} cm",
-        "material at the tip": _place(last.tip, result.scene),
-        "force at the end": f"{last.force:.4g} N/m",
-        "seeds": ", ".join(f"{s.name} {_place(s.point, result.scene)}" for s in result.seeds),
+        "material at the tip": _place(last.tip, axes),
+        "force at the end": f"{last.force:.4g} {'N' if result.model.dim == 3 else 'N/m'}",
+        "seeds": ", ".join(f"{s.name} {_place(s.point, axes)}" for s in result.seeds),
         "mesh": f"{result.model.mesh.nelements} cells, {result.scene.discretisation.element}",
     }
     return _table(result.scene.title, rows)
@@ -41,12 +42,12 @@ def _(result: Insertion) -> str:
 
 @html_of.register
 def _(result: Plan) -> str:
-    scene, best = result.insertion.scene, result.best
+    scene, best, axes = result.insertion.scene, result.best, result.insertion.model.axes
     rows = {
         "status": f"{result.status}: {result.sentence}",
-        "target": _place(result.target, scene),
-        "release at": "" if best is None else _place(best.release_point, scene),
-        "comes to rest": "" if best is None else _place(best.placed_at, scene),
+        "target": _place(result.target, axes),
+        "release at": "" if best is None else _place(best.release_point, axes),
+        "comes to rest": "" if best is None else _place(best.placed_at, axes),
         "placement error": "" if best is None else f"{100 * best.placement_error:.2g} cm",
         "insertions": f"{result.insertions} ({result.search})",
         "warnings": "" if result.evidence is None else "; ".join(result.evidence.warnings),
@@ -58,9 +59,36 @@ def _(result: Plan) -> str:
     return _table(scene.title, rows)
 
 
-def _place(point: Vector, scene: Scene) -> str:
-    axes, values = ", ".join(scene.axes), ", ".join(f"{100 * x:.3f}" for x in point)
-    return f"({axes}) = ({values}) cm"
+@html_of.register
+def _(result: Scene) -> str:
+    materials = {name: region.material for name, region in result.regions.items()}
+    needle = result.needle
+    per = "N" if result.dim == 3 else "N/m"
+    rows = {
+        "tissue": ", ".join([result.background, *(f"{n}: {m}" for n, m in materials.items())]),
+        "supports": ", ".join(result.supports),
+        "element": f"{result.discretisation.element}, {result.discretisation.integrator}",
+        "needle": f"tip {1e3 * needle.tip_radius:.3g} mm, cuts at {needle.cutting_force:.4g} {per}",
+        "deepest": f"{100 * result.motion.max_depth:.3f} cm",
+        "target": "" if result.target is None else _place(result.target, result.axes),
+        "case": "" if result.source is None else str(result.source),
+    }
+    return _table(result.title, rows)
+
+
+@html_of.register
+def _(result: SavedResult) -> str:
+    keys = ("status", "sentence", "source", "placement_error")
+    rows = {key: str(result.record[key]) for key in keys if result.record.get(key) is not None}
+    rows |= {"tables": ", ".join(result.tables), "snapshots": str(len(result.snapshots) or "")}
+    if "placement_error" in rows:
+        rows["placement_error"] += " m"
+    return _table(f"{result.kind}: {result.path}", rows)
+
+
+def _place(point: Vector | Sequence[float], axes: Sequence[str]) -> str:
+    values = ", ".join(f"{100 * x:.3f}" for x in point)
+    return f"({', '.join(axes)}) = ({values}) cm"
 
 
 def _table(title: str, rows: Mapping[str, str]) -> str:
@@ -73,21 +101,28 @@ def _table(title: str, rows: Mapping[str, str]) -> str:
     return f"<table><caption>{escape(title)}</caption>{cells}</table>"
 
 
-def png_of(result: Insertion | Plan) -> bytes | None:
-    """Return the deformed tissue with the needle at its deepest (a plan: at its release) as PNG.
+def png_of(result: Any) -> bytes | None:
+    """Return a picture as PNG: a scene before anything is computed, an insertion, a plan.
 
-    None where nothing can draw, and in 3D, which is not drawn yet: a notebook then shows the table.
+    The needle is at its end, a plan's at its release. None where nothing can draw or there is
+    nothing to draw: a notebook then shows the table.
     """
+    from needlefem.output.render import Shot, render  # noqa: PLC0415  (pictures are drawn on demand)
+    from needlefem.output.setuppicture import draw_setup  # noqa: PLC0415
+
+    if isinstance(result, Scene):
+        return _drawn(lambda path: draw_setup(result, path, size=SIZE))
     insertion = result.insertion if isinstance(result, Plan) else result
-    if insertion.scene.dim != 2 or len(insertion.states) < 2:
+    if not isinstance(insertion, Insertion) or len(insertion.states) < 2:
         return None
     depth = _release_depth(result) if isinstance(result, Plan) else None
-    from needlefem.output.render import Shot, render  # noqa: PLC0415  (pictures are drawn on demand)
+    return _drawn(lambda path: render(insertion, path, depth=depth, shot=Shot(size=SIZE)))
 
+
+def _drawn(draw: Callable[[Path], Path]) -> bytes | None:
     try:
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "shown.png"
-            return render(insertion, path, depth=depth, shot=Shot(size=SIZE)).read_bytes()
+            return draw(Path(folder) / "shown.png").read_bytes()
     except NoRendererError:
         return None
 

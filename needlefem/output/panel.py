@@ -12,10 +12,9 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.output.driver import renderer
+from needlefem.output.sheet import Sheet
 from needlefem.output.style import Style
 
-GLYPH = 0.6
-"""Width of a letter over the size of its text, about; titles that would not fit are shrunk."""
 LONGEST_BAR = 0.25
 """Of the scene's width, that the scale bar may have."""
 SHADES = 64
@@ -56,7 +55,7 @@ class Scale:
     over: bool = False
 
 
-class Panel:
+class Panel(Sheet):
     """Margins and camera of a plotter's active subplot.
 
     Parameters
@@ -80,14 +79,9 @@ class Panel:
         scale: Scale | None = None,
         legend: Sequence[tuple[str, str]] = (),
     ) -> None:
-        self.plotter, self.style = plotter, style
-        self.renderer = plotter.renderer
-        wide, high = (float(n) for n in self.renderer.GetSize())
-        self.wide, self.high = wide, high
-        self.text = max(style.text_size * min(high, 0.8 * wide), float(style.smallest_text))
+        super().__init__(plotter, style)
         self._lines = lines
         self._right = self._right_margin(scale, legend)
-        self._texts: dict[str, Any] = {}
         self._per_pixel = 1.0
         self._margins()
         if scale is not None:
@@ -96,10 +90,10 @@ class Panel:
 
     def _right_margin(self, scale: Scale | None, legend: Sequence[tuple[str, str]]) -> float:
         """Return the width that colour bar or legend need, pixels."""
-        longest = max((len(text) for _, text in legend), default=0)
-        wide = self.text * (GLYPH * longest + 2.4) if legend else 0.0
+        longest = max((self.width(text) for _, text in legend), default=0.0)
+        wide = longest + 2.4 * self.text if legend else 0.0
         if scale is not None:
-            wide = max(wide, self.text * max(6.5, GLYPH * len(scale.label) + 1.0))
+            wide = max(wide, 6.5 * self.text, self.width(scale.label) + self.text)
         return min(wide, 0.5 * self.wide)
 
     def _margins(self) -> None:
@@ -114,8 +108,8 @@ class Panel:
         ]
         if self._right:
             strips.append([wide - self._right, 0.0, wide, high])
-        colour = renderer().Color(self.style.background).float_rgb
-        self._rectangles(np.array(strips), np.array([colour] * len(strips)))
+        colour = self.colour(self.style.background)
+        self.rectangles(np.array(strips), np.tile(colour, (len(strips), 1)))
 
     @property
     def _top(self) -> float:
@@ -143,54 +137,13 @@ class Panel:
     def line(self, text: str, number: int = 0) -> None:
         """Write (or replace) a line above the scene, shrunk until it fits."""
         at = (0.7 * self.text, self.high - (0.4 + 1.45 * (number + 0.8)) * self.text)
-        self._write(f"line {number}", text, at, room=self.wide - 1.4 * self.text)
+        self.write(f"line {number}", text, at, room=self.wide - 1.4 * self.text)
 
     def note(self, text: str) -> None:
         """Write a line in the lower right corner, beside the scale bar."""
         room = 0.6 * self.wide
         at = (self.wide - 0.7 * self.text, 0.9 * self.text)
-        self._write("note", text, at, room=room, justify="right")
-
-    def _write(
-        self, name: str, text: str, at: Sequence[float], room: float, justify: str = "left"
-    ) -> None:
-        """Put a text at pixels of the panel, no wider than `room`."""
-        size = min(self.text, room / (GLYPH * max(len(text), 1)))
-        actor = self._texts.get(name)
-        if actor is None:
-            pv = renderer()
-            actor = pv.Text(text)
-            actor.prop.color = self.style.text
-            actor.prop.justification_horizontal = justify
-            actor.prop.justification_vertical = "bottom"
-            actor.SetLayerNumber(1)
-            self._texts[name] = actor
-            self.renderer.add_actor(actor, reset_camera=False, render=False)
-        actor.input = text
-        actor.prop.font_size = max(round(size), 1)
-        actor.position = (float(at[0]), float(at[1]))
-
-    def _rectangles(self, corners: Floats, colours: Floats) -> None:
-        """Draw rectangles, shape (n, 4): left, bottom, right, top, pixels; colours (n, 3)."""
-        from vtkmodules.vtkRenderingCore import (  # noqa: PLC0415
-            vtkActor2D,
-            vtkPolyDataMapper2D,
-        )
-
-        x0, y0, x1, y1 = corners.T
-        zero = np.zeros_like(x0)
-        points = np.stack([x0, y0, zero, x1, y0, zero, x1, y1, zero, x0, y1, zero], axis=1).reshape(
-            -1, 3
-        )
-        quads = np.arange(len(points)).reshape(-1, 4)
-        faces = np.column_stack([np.full(len(quads), 4), quads]).ravel()
-        data = renderer().PolyData(points, faces=faces)
-        data.cell_data["colours"] = np.round(255.0 * colours).astype(np.uint8)
-        data.set_active_scalars("colours", preference="cell")
-        mapper, actor = vtkPolyDataMapper2D(), vtkActor2D()
-        mapper.SetInputData(data)
-        actor.SetMapper(mapper)
-        self.renderer.AddViewProp(actor)
+        self.write("note", text, at, room=room, justify="right")
 
     def _scale_bar(self, longest: float) -> None:
         """Draw a bar of a round length in the lower left corner."""
@@ -199,9 +152,9 @@ class Panel:
         left, low = 0.8 * self.text, 1.1 * self.text
         thick = max(0.22 * self.text, 2.0)
         bar = np.array([[left, low, left + wide, low + thick]])
-        self._rectangles(bar, np.array([renderer().Color(self.style.text).float_rgb]))
+        self.rectangles(bar, self.colour(self.style.text)[None])
         unit, factor = ("cm", 100.0) if length >= 0.00999 else ("mm", 1000.0)
-        self._write(
+        self.write(
             "scale", f"{factor * length:g} {unit}",
             (left + wide + 0.5 * self.text, 0.7 * self.text), room=0.3 * self.wide,
         )  # fmt: skip
@@ -212,9 +165,9 @@ class Panel:
         for number, (colour, text) in enumerate(entries):
             low = top - 1.6 * (number + 1) * self.text
             square = np.array([[left, low, left + 0.8 * self.text, low + 0.8 * self.text]])
-            self._rectangles(square, np.array([renderer().Color(colour).float_rgb]))
+            self.rectangles(square, self.colour(colour)[None])
             at = (left + 1.3 * self.text, low - 0.1 * self.text)
-            self._write(f"legend {number}", text, at, room=self._right - 1.9 * self.text)
+            self.write(f"legend {number}", text, at, room=self._right - 1.9 * self.text)
 
     def _colour_bar(self, scale: Scale) -> None:
         """Draw what colours mean in the right margin: label, bar, five numbers."""
@@ -223,14 +176,14 @@ class Panel:
         table = renderer().LookupTable(cmap=self.style.colour_map, n_values=SHADES)
         edges = np.linspace(low, top, SHADES + 1)
         ends = np.full(SHADES, left), edges[:-1], np.full(SHADES, left + 1.1 * self.text), edges[1:]
-        self._rectangles(np.stack(ends, axis=1), np.asarray(table.values)[:, :3] / 255.0)
+        self.rectangles(np.stack(ends, axis=1), np.asarray(table.values)[:, :3] / 255.0)
         at = (self.wide - 0.5 * self.text, top + 1.1 * self.text)
-        self._write("quantity", scale.label, at, room=self._right, justify="right")
+        self.write("quantity", scale.label, at, room=self._right, justify="right")
         for number, share in enumerate(np.linspace(0.0, 1.0, 5)):
             value = scale.low + share * (scale.high - scale.low)
             sign = "\u2265 " if scale.over and number == 4 else ""
             where = (left + 1.6 * self.text, low + share * (top - low) - 0.5 * self.text)
-            self._write(f"tick {number}", f"{sign}{value:.3g}", where, room=4.4 * self.text)
+            self.write(f"tick {number}", f"{sign}{value:.3g}", where, room=4.4 * self.text)
 
 
 def round_length(longest: float) -> float:

@@ -76,7 +76,7 @@ QUANTITIES = {
     ),
     "validity": Quantity(
         label=f"strain / {LARGE_STRAIN:g} (1)", factor=1.0, values=_validity,
-        note="small strain describes values up to 1; orange: cells that fold over",
+        note="small strain holds up to 1; orange: folded cells",
     ),
 }  # fmt: skip
 

@@ -13,6 +13,7 @@ import numpy as np
 from needlefem.arrays import Points
 from needlefem.errors import CaseError
 from needlefem.frame import Frame, Voxels
+from needlefem.shown import Shown
 
 KINDS = {
     "plan.json": "plan",
@@ -25,7 +26,7 @@ KINDS = {
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class SavedResult:
+class SavedResult(Shown):
     """What a command wrote into a folder.
 
     Parameters

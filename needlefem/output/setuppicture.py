@@ -9,6 +9,7 @@ import numpy as np
 from needlefem.arrays import Floats, Points, Vector
 from needlefem.insertion.simulation import Simulation
 from needlefem.needle.axis import Axis
+from needlefem.output.body import Body
 from needlefem.output.canvas import Canvas
 from needlefem.output.driver import renderer
 from needlefem.output.images import save
@@ -59,10 +60,8 @@ class _Setup:
         self.span = float((self.high - self.low).max())
 
     def draw(self) -> None:
-        canvas, points = self.canvas, self.mesh.p.T
-        canvas.tissue(self.mesh, points)
-        if self.mesh.dim() == 2:
-            canvas.skin(self.mesh, points)
+        canvas = self.canvas
+        Body(canvas, self.simulation.model).draw_regions()
         for region in self.scene.regions.values():
             canvas.contour(region.contour.points)
         for obstacle in self.scene.obstacles.values():

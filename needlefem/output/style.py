@@ -25,6 +25,7 @@ class Style:
     support: str = "#56606b"
     folded: str = "#D55E00"
     text: str = "#202020"
+    grid: str = "#e4e4e4"
     colour_map: str = "viridis"
     mesh_width: float = 0.6
     outline_width: float = 3.0

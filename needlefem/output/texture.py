@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from needlefem.arrays import Floats, Ints, SkfemMesh
+from needlefem.arrays import Floats, Ints, Points
 from needlefem.errors import CaseError
 from needlefem.fem.model import Model
 from needlefem.needle.axis import Axis
@@ -56,9 +56,9 @@ class Texture:
         return found
 
     @staticmethod
-    def coordinates(canvas: Canvas, mesh: SkfemMesh) -> Floats:
-        """Return where every vertex lies in the image, shape (nvertices, 2), 0 to 1."""
-        at = canvas.screen(mesh.p.T)[:, :2]
+    def coordinates(canvas: Canvas, points: Points) -> Floats:
+        """Return where the tissue's points lie in the image, shape (n, 2), 0 to 1."""
+        at = canvas.screen(points)[:, :2]
         found: Floats = (at - at.min(axis=0)) / np.ptp(at, axis=0)
         return found
 

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem.arrays import Floats, Points, Vector
 from needlefem.fem.cellvalues import CellValues
-from needlefem.output.canvas import LAYER, SKIN_LAYER, Canvas
+from needlefem.output.body import Body
+from needlefem.output.canvas import Canvas
 from needlefem.output.film import Film, Moment
 from needlefem.output.panel import Panel, Scale, Window
 from needlefem.output.quantities import Quantity
@@ -59,8 +60,8 @@ class TissueView:
     def __init__(self, canvas: Canvas, film: Film, look: Look) -> None:
         self.canvas, self.film, self.look = canvas, film, look
         self._cells = CellValues(film.model) if look.field and not look.field.nodal else None
-        start, mesh = film.undeformed(), film.model.mesh
-        self._skin = canvas.skin(mesh, start.vertices) if mesh.dim() == 2 else None
+        self._body = Body(canvas, film.model)
+        start = film.undeformed()
         self._draw(start)
         self._lines = [canvas.contour(ring, self._ink) for ring in start.contours]
         for obstacle in film.insertion.scene.obstacles.values():
@@ -74,40 +75,33 @@ class TissueView:
         return style.outline if self.look.texture is None else style.on_image
 
     def _draw(self, start: Moment) -> None:
-        mesh, look, canvas = self.film.model.mesh, self.look, self.canvas
-        if look.texture is None and look.field is None:
-            self._tissue, self._owner = canvas.tissue(mesh, start.vertices)
-            return
-        corners, self._owner = canvas.surface(mesh)
-        self._tissue = canvas.polygons(start.vertices, corners)
+        look, body = self.look, self._body
         if look.texture is not None:
-            self._tissue.active_texture_coordinates = look.texture.coordinates(canvas, mesh)
-            canvas.add(self._tissue, texture=look.texture.image(), show_edges=False)
+            found = look.texture.coordinates(self.canvas, body.surface.rest)
+            body.data.active_texture_coordinates = found
+            body.draw(edges=False, texture=look.texture.image())
         elif look.scale is not None:
-            self._write_field(start)
-            canvas.add(
-                self._tissue, scalars="field", clim=(look.scale.low, look.scale.high),
+            self._write_field(start.u, body.to(start.u))
+            body.draw(
+                scalars="field", clim=(look.scale.low, look.scale.high),
                 cmap=look.style.colour_map, nan_color=look.style.folded,
-                interpolate_before_map=True, **canvas.edges(shown=True),
+                interpolate_before_map=True,
             )  # fmt: skip
+        else:
+            body.draw_regions()
 
-    def _write_field(self, moment: Moment) -> None:
-        field, cells = self.look.field, self._cells
+    def _write_field(self, u: Floats, moved: Points) -> None:
+        field, cells, body = self.look.field, self._cells, self._body
         if field is None:
             return
         if cells is None:
-            size = field.factor * np.linalg.norm(moment.vertices - self.film.model.mesh.p.T, axis=1)
-            self._tissue.point_data["field"] = size
+            body.data.point_data["field"] = field.factor * np.linalg.norm(moved, axis=1)
         else:
-            self._tissue.cell_data["field"] = field.of(cells, moment.u)[self._owner]
+            body.data.cell_data["field"] = field.of(cells, u)[body.surface.cells]
 
     def show(self, moment: Moment) -> None:
         """Move to a moment."""
-        at = self.canvas.screen(moment.vertices)
-        self._tissue.points = at
-        if self._skin is not None:
-            self._skin.points = at + np.array([0.0, 0.0, SKIN_LAYER * LAYER])
-        self._write_field(moment)
+        self._write_field(moment.u, self._body.to(moment.u))
         for line, ring in zip(self._lines, moment.contours, strict=True):
             line.points = self.canvas.plane(np.vstack([ring, ring[:1]]), 2)
 
@@ -180,9 +174,10 @@ class View:
 
     def caption(self, moment: Moment) -> str:
         """Return time, depth and force as text."""
-        unit = "N" if self.film.model.dim == 3 else "N/m"
+        solid = self.film.model.dim == 3
+        force = f"{moment.force:.2f} N" if solid else f"{moment.force:.0f} N/m"
         depth = f"depth {100 * moment.depth:.2f} cm" if moment.depth >= 0.0 else "needle out"
-        return f"{moment.time:.2f} s, {depth}, force {moment.force:.0f} {unit}"
+        return f"{moment.time:.2f} s, {depth}, force {force}"
 
 
 def whole(canvas: Canvas, film: Film) -> Window:

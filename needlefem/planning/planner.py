@@ -57,6 +57,10 @@ class Planner:
         """Return the cut path at a height (shape (dim - 1,), m, relative to the target's)."""
         return self._insert(height)[1]
 
+    def insertion(self, height: Floats) -> Insertion:
+        """Return the insertion at a height, to just beyond the target; see `path`."""
+        return self._insert(height)[0]
+
     def _insert(self, height: Floats) -> tuple[Insertion, Path]:
         key = tuple(float(h) for h in height)
         if key not in self._known:
@@ -86,7 +90,7 @@ class Planner:
         """Return the release in the world that ends at a reached point."""
         if reach is None:
             return None
-        entry = self._insert(height)[0].axis.entry
+        entry = self.insertion(height).axis.entry
         error = float(np.linalg.norm(reach.point - self.target))
         return Release(entry + reach.depth * self.simulation.direction, reach.point, error)
 
@@ -136,8 +140,8 @@ class Planner:
             search=search,
             solution=solution,
             insertions=spent,
-            insertion=self._insert(solution.height)[0],
-            level=self._insert(self._level)[0],
+            insertion=self.insertion(solution.height),
+            level=self.insertion(self._level),
             other_solutions=others,
             scan_insertions=self.simulation.insertions - scanned,
             passings=() if best is None else self.obstacles.passings(best.release_point),
@@ -204,7 +208,7 @@ class Planner:
             return PlanStatus.OUTSIDE_RANGE, f"no height {where} hits the target; {missed}"
         if solution.found is Found.UNREACHABLE:
             failed = [height for height, miss in solution.tried if miss is None]
-            why = self._insert(failed[-1])[0].outcome.sentence
+            why = self.insertion(failed[-1]).outcome.sentence
             sentence = f"the tip does not come level with the target: {why}"
             return PlanStatus.UNREACHABLE, sentence
         return PlanStatus.NOT_CONVERGED, f"the search did not converge; {missed}"

@@ -11,6 +11,7 @@ from needlefem.knobs import knob
 from needlefem.materials import Material
 from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
 from needlefem.scene.method import Discretisation, Rayleigh
+from needlefem.shown import Shown
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -214,7 +215,7 @@ class Expectation:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Scene:
+class Scene(Shown):
     """All that a case says. Points are in metres, in the order of `axes`."""
 
     title: str

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from needlefem.output.expectations import compare, look_up
-from needlefem.output.files import to_json, whole_file, write_csv, write_json
+from needlefem.output.files import to_json, whole_file, write_json
 from needlefem.scene import Expectation
 from needlefem.table import Table
 
@@ -33,11 +33,6 @@ def test_files_are_whole_or_not_there(tmp_path: Path) -> None:
         part.write_text("half")
         raise RuntimeError
     assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["a.json"]
-
-
-def test_csv_has_a_header_with_units(tmp_path: Path) -> None:
-    write_csv(tmp_path / "a.csv", ["depth [m]", "force [N/m]"], np.array([[0.1, 2.0]]))
-    assert (tmp_path / "a.csv").read_text() == "depth [m],force [N/m]\n0.1,2\n"
 
 
 def expectation(**changes: object) -> Expectation:

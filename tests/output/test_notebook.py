@@ -1,12 +1,15 @@
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from needlefem.insertion.simulation import simulate
 from needlefem.output import driver
+from needlefem.output.files import write_json
 from needlefem.output.notebook import SIZE, html_of, png_of
+from needlefem.output.saved import load_result
 from needlefem.planning.plan import plan
 from needlefem.scene import Scene, vary
 
@@ -22,6 +25,19 @@ def test_a_plan_shows_itself(gel: Scene) -> None:
     picture = found._repr_png_()
     assert picture is not None
     assert struct.unpack(">II", picture[16:24]) == SIZE
+
+
+def test_a_scene_and_a_result_show_themselves(gel: Scene, tmp_path: Path) -> None:
+    html = gel._repr_html_()
+    assert "(y, z) = (2.870, 2.000) cm" in html
+    assert "cuts at 50 N/m" in html
+    picture = gel._repr_png_()
+    assert picture is not None
+    assert struct.unpack(">II", picture[16:24]) == SIZE
+    write_json(tmp_path / "run.json", {"status": "completed", "sentence": "reached <3> cm"})
+    found = load_result(tmp_path)
+    assert "reached &lt;3&gt; cm" in found._repr_html_()
+    assert found._repr_png_() is None
 
 
 def test_without_a_driver_there_is_a_table(gel: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,9 @@
-"""Pictures against kept ones, and what they are made of against the insertion itself."""
+"""Pictures, animations and what they are made of against the insertion itself."""
 
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import pytest
 from PIL import Image
 
 from needlefem.cli.main import main
+from needlefem.cli.replay import replay
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.fem.build import build_model
 from needlefem.fem.cellvalues import CellValues
@@ -27,8 +27,8 @@ from needlefem.output.figures.turning import turned
 from needlefem.output.film import Film
 from needlefem.output.quantities import QUANTITIES, scale_of
 from needlefem.output.render import Shot, Studio, animate, panels, render
-from needlefem.output.setuppicture import draw_setup
 from needlefem.output.style import Style
+from needlefem.output.surface import Surface
 from needlefem.output.texture import synthetic_ultrasound
 from needlefem.output.view import View, whole
 from needlefem.resolve import with_element
@@ -36,56 +36,7 @@ from needlefem.scene import Scene, Stage, vary
 from tests.conftest import PAPER_CASE
 from tests.insertion.test_three_dimensions import block, push  # noqa: F401
 
-KEPT = Path(__file__).parents[1] / "pictures"
 SIZE = (320, 240)
-MEAN, FAR, FEW = 3.0, 48, 0.02
-"""Mean difference of colours (of 255); a difference that counts, and the share that may have it."""
-
-
-def alike(one: Path, other: Path) -> bool:
-    """Say whether two pictures show the same, drivers being free to smooth as they like."""
-    with Image.open(one) as a, Image.open(other) as b:
-        apart = np.abs(np.asarray(a.convert("RGB"), float) - np.asarray(b.convert("RGB"), float))
-    return bool(apart.mean() < MEAN and np.mean(apart.max(axis=2) > FAR) < FEW)
-
-
-@pytest.fixture(scope="module")
-def known() -> dict[str, Insertion]:
-    return {}
-
-
-@pytest.fixture
-def pushed(organ: Scene, known: dict[str, Insertion]) -> Insertion:
-    """Return one insertion into the organ, with a seed and a way back."""
-    stages = (Stage(to=0.025, release="seed"), Stage(to=-0.002))
-    if "pushed" not in known:
-        known["pushed"] = simulate(vary(organ, {"motion.stages": stages}))
-    return known["pushed"]
-
-
-DRAWN: dict[str, Callable[[Insertion, Path], object]] = {
-    "regions": lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE)),
-    "seed": lambda i, p: render(i, p, shot=Shot(size=SIZE)),
-    "displacement": lambda i, p: render(
-        i, p, depth=0.02, shot=Shot(size=SIZE, field="displacement")
-    ),
-    "ultrasound": lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE, texture="synthetic")),
-    "beside": lambda i, p: render(
-        i, p, depth=0.02, beside=i, shot=Shot(size=(480, 240), field="strain")
-    ),
-    "setup": lambda i, p: draw_setup(i.scene, p, size=SIZE),
-}
-
-
-@pytest.mark.parametrize("name", DRAWN)
-def test_pictures_are_as_kept(name: str, pushed: Insertion, tmp_path: Path) -> None:
-    DRAWN[name](pushed, tmp_path / "new.png")
-    assert alike(tmp_path / "new.png", KEPT / f"{name}.png")
-
-
-def test_another_picture_is_not_alike(pushed: Insertion, tmp_path: Path) -> None:
-    render(pushed, tmp_path / "new.png", depth=0.012, shot=Shot(size=SIZE))
-    assert not alike(tmp_path / "new.png", KEPT / "regions.png")
 
 
 def test_film_passes_through_the_states(pushed: Insertion) -> None:
@@ -237,8 +188,8 @@ def test_a_block_of_tetrahedra_is_cut_open(block, gel: Scene) -> None:  # noqa: 
     film = Film(insertion)
     plotter = renderer().Plotter(off_screen=True, window_size=[320, 240])
     canvas = Canvas(plotter, insertion.axis, Style())
-    corners, _ = canvas.surface(block.mesh)
-    normals = canvas.screen(block.mesh.p.T)[corners]
+    surface = Surface(block, canvas.behind(block.mesh))
+    normals = canvas.screen(surface.rest)[surface.polygons]
     assert normals[:, :, 2].min() < -0.015
     assert whole(canvas, film).height > 0.04
     studio = Studio([film], Shot(size=SIZE), scale_times=[[0.0]])
@@ -276,9 +227,17 @@ def test_command_draws_cases_and_results(
 
 
 def test_command_carries_a_plan_out(tmp_path: Path) -> None:
-    coarse = ["--set", "mesh.divisions=[16, 16]", "--set", "needle.tip_radius=2 mm"]
+    coarse = [
+        "mesh.divisions=[16, 16]",
+        "needle.tip_radius=2 mm",
+        "discretisation.path_spacing=3 mm",
+    ]
+    sets = [part for key in coarse for part in ("--set", key)]
     out = ["--out", str(tmp_path), "--no-pictures"]
-    assert main(["plan", str(PAPER_CASE), *coarse, *out]) in (0, 1)  # the paper's numbers are off
+    assert main(["plan", str(PAPER_CASE), *sets, *out]) in (0, 1)  # the paper's numbers are off
+    insertion = replay(str(tmp_path), (), None)
+    assert insertion.depths[-1] < 0.0
+    assert len(insertion.seeds) == 1
     assert run(str(tmp_path), "--out", str(tmp_path / "p.png")) == 0
 
 
@@ -314,3 +273,18 @@ def test_without_a_driver_it_ends_with_4_and_the_packages(tmp_path: Path) -> Non
     assert found.returncode == 4
     assert found.stderr.count("\n") == 1
     assert "apt-get install libegl1" in found.stderr
+
+
+def test_with_the_driver_hidden_no_signal_ends_the_process(tmp_path: Path) -> None:
+    """Mesa's own driver, hidden from the loader; VTK may still know a renderer in memory."""
+    nowhere = str(tmp_path / "nowhere")
+    hidden = {"__EGL_VENDOR_LIBRARY_DIRS": nowhere, "__EGL_VENDOR_LIBRARY_FILENAMES": nowhere,
+              "LIBGL_DRIVERS_PATH": nowhere, "GALLIUM_DRIVER": "none", "DISPLAY": ""}  # fmt: skip
+    command = ["render", str(PAPER_CASE), "--setup", "--size", "320x240", "--out", "x.png"]
+    found = subprocess.run(
+        [sys.executable, "-m", "needlefem", *command], env=os.environ | hidden, cwd=tmp_path,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    drawn = (tmp_path / "x.png").is_file()
+    assert found.returncode == (0 if drawn else 4)
+    assert drawn or "apt-get install libegl1" in found.stderr

@@ -9,7 +9,7 @@ import numpy as np
 from needlefem.output.figures.targets import draw_moved_target, draw_targets_hit
 from needlefem.output.figures.turning import draw_turning
 from needlefem.output.files import write_text
-from needlefem.output.planpictures import draw_depth, draw_height
+from needlefem.output.planpictures import draw_depth, draw_height, planner_of
 from needlefem.output.stages import draw_stages
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, Release
@@ -23,6 +23,9 @@ IROS 2003, drawn from our own answers by `make figures`, which writes this page.
 paper is a sketch: `needlefem render CASE --setup` draws such a scene. Which
 numbers were calibrated is said in [the case](../cases/prostate-2003/README.md).
 """
+
+HEIGHTS = (-3e-3, 3e-3)
+"""What Fig. 6 shows, m from the target's height."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -69,8 +72,9 @@ def draw_figures(scene: Scene, page: Path, folder: Path) -> list[Figure]:
     draw_stages(scene, found, folder / "figure-1.webp", ultrasound=True)
     angle = draw_turning(found.level, depth, folder / "figure-3.png")
     moved = draw_moved_target(found.level, found.target, depth, folder / "figure-4.png")
-    draw_depth(scene, found, folder / "figure-5.png")
-    draw_height(scene, found, folder / "figure-6.png")
+    planner = planner_of(scene, found)
+    draw_depth(planner, found, folder / "figure-5.png")
+    draw_height(planner, found, folder / "figure-6.png", HEIGHTS)
     table = target_table(scene, draw_targets(scene))
     draw_targets_hit(scene, table, folder / "figure-7.png")
     figures = [

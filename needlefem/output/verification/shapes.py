@@ -7,11 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Points
+from needlefem.arrays import Ints, Points
 from needlefem.checks.problem import Shape
+from needlefem.output.canvas import THINNEST
 from needlefem.output.driver import renderer
+from needlefem.output.surface import Surface
 
 SIZE = (900, 640)
+MOST_EDGES = 5000
+"""Cells up to which their edges are drawn."""
 
 
 def picture(shape: Shape) -> str:
@@ -23,28 +27,29 @@ def picture(shape: Shape) -> str:
         Nothing here can draw.
     """
     pv = renderer()
-    mesh = shape.solution.space.mesh
-    moved = shape.solution.at_vertices()
+    seen = Surface(shape.solution.space)
+    moved = seen.displaced(shape.solution.u)
+    at = _flat(seen.rest + shape.magnified * moved)
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), border=False)
     plotter.set_background("white")
-    cells = mesh.t.T
-    faces = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
-    surface = pv.PolyData(_flat(mesh.p.T + shape.magnified * moved), faces=faces)
+    surface = pv.PolyData(at, faces=_counted(seen.polygons))
     surface["displacement"] = np.linalg.norm(moved, axis=1)
     plotter.add_mesh(
         surface,
         scalars="displacement",
         cmap="viridis",
-        show_edges=len(cells) <= 5000,
-        edge_color="#303030",
-        line_width=0.6,
         lighting=False,
         scalar_bar_args={
-            "title": "", "n_labels": 3, "fmt": "%.3g", "color": "#202020", "label_font_size": 22,
+            "title": "displacement (m)\n", "title_font_size": 20, "n_labels": 3,
+            "fmt": "%.3g", "color": "#202020", "label_font_size": 22,
             "vertical": True, "position_x": 0.85, "position_y": 0.2, "height": 0.6, "width": 0.06,
         },
     )  # fmt: skip
-    _outline(pv, plotter, mesh)
+    if shape.solution.space.mesh.nelements <= MOST_EDGES:
+        edges = pv.PolyData(at, lines=_counted(seen.edges))
+        plotter.add_mesh(edges, color="#303030", line_width=THINNEST, lighting=False)
+    outline = pv.PolyData(_flat(seen.rest), lines=_counted(seen.outline))
+    plotter.add_mesh(outline, color="#D55E00", line_width=2.5, lighting=False)
     plotter.view_xy()
     plotter.enable_parallel_projection()
     plotter.camera.zoom(1.1)
@@ -55,11 +60,9 @@ def _flat(points: Points) -> Points:
     return np.column_stack([points, np.zeros(len(points))])
 
 
-def _outline(pv: Any, plotter: Any, mesh: Any) -> None:
-    edges = mesh.facets[:, mesh.boundary_facets()].T
-    lines = np.column_stack([np.full(len(edges), 2), edges]).ravel()
-    outline = pv.PolyData(_flat(mesh.p.T), lines=lines)
-    plotter.add_mesh(outline, color="#D55E00", line_width=2.5, lighting=False)
+def _counted(numbers: Ints) -> Ints:
+    """Return polygons or lines, shape (n, k), as VTK lists them."""
+    return np.column_stack([np.full(len(numbers), numbers.shape[1]), numbers]).ravel()
 
 
 def _png(plotter: Any) -> str:
