@@ -84,6 +84,9 @@ class SharedResponses:
         self._nodes: Ints = np.zeros(0, dtype=np.intp)
         self._store = np.zeros((0, 0))
         self.size = self.solves = 0
+        # needles ask again and again for what is around their tip
+        self._asked = self._rows = self._among = self._nodes
+        self._block = self._store
 
     @property
     def compliance(self) -> Floats:
@@ -95,12 +98,20 @@ class SharedResponses:
 
     def rows(self, nodes: Ints) -> Ints:
         """See `Responses`; nodes not touched before are solved for."""
-        slots = self._slot[nodes]
-        if slots.min(initial=0) < 0:
-            self._touch(nodes[slots < 0])
+        if nodes is not self._asked:
             slots = self._slot[nodes]
-        rows: Ints = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
-        return rows
+            if slots.min(initial=0) < 0:
+                self._touch(nodes[slots < 0])
+                slots = self._slot[nodes]
+            self._asked = nodes
+            self._rows = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
+        return self._rows
+
+    def among(self, rows: Ints) -> Floats:
+        """Return the compliance among rows, shape (len(rows), len(rows)), m/N."""
+        if rows is not self._among:
+            self._among, self._block = rows, self.compliance[rows[:, None], rows]
+        return self._block
 
     def respond(self, rows: Ints, loads: Floats) -> Response:
         """See `Responses`."""
@@ -142,7 +153,9 @@ class _SharedResponse:
         self._shared, self._rows, self._loads = shared, rows, loads
 
     def at(self, rows: Ints) -> Floats:
-        return self._shared.compliance[np.ix_(rows, self._rows)] @ self._loads.T
+        if rows is self._rows:
+            return self._shared.among(rows) @ self._loads.T
+        return self._shared.compliance[rows[:, None], self._rows] @ self._loads.T
 
     def after(self, start: int) -> Floats:
         return self._shared.compliance[start:, self._rows] @ self._loads.T

@@ -14,8 +14,7 @@ from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.course import Course
-from needlefem.insertion.inertia import dynamic_medium
-from needlefem.insertion.media import ElasticMedium, Medium, ViscoelasticMedium, responses_of
+from needlefem.insertion.media import ElasticMedium, Medium, responses_of
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
 from needlefem.materials import branches_of
@@ -155,9 +154,16 @@ class Simulation:
         return Course(self.scene, motion or self.scene.motion, needle, self._medium(), self.model)
 
     def _medium(self) -> Medium:
+        """Return the tissue in time; what has inertia or a memory is imported with it."""
         if self.scene.discretisation.integrator in DYNAMIC:
+            from needlefem.insertion.inertia import dynamic_medium  # noqa: PLC0415
+
             return dynamic_medium(self.scene, self.model)
-        return ViscoelasticMedium(self.model) if self._memory else ElasticMedium(self.responses)
+        if self._memory:
+            from needlefem.insertion.viscous import ViscoelasticMedium  # noqa: PLC0415
+
+            return ViscoelasticMedium(self.model)
+        return ElasticMedium(self.responses)
 
     def _run(self, course: Course, stop: Stop | None) -> Insertion:
         states = []

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from needlefem.arrays import Floats, Points, Vector
-from needlefem.fem.interpolation import Interpolation, Weights
+from needlefem.fem.interpolation import Follower, Interpolation, Weights
 from needlefem.needle.axis import Axis
 from needlefem.needle.kernel import Kernel
 
@@ -49,12 +49,20 @@ class Instrument:
 
     @cached_property
     def _piece_rule(self) -> tuple[Floats, Floats, Floats]:
-        """Shares of the piece's length, offsets across it (m), and weights, point by point."""
+        """Shares of the piece's length, offsets across it (m), and weights (sum 1) of points."""
         nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
         across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
         offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))
-        return share, offsets, np.outer(weights, across_weights).ravel()
+        both = np.outer(weights, across_weights).ravel()
+        return share, offsets, both / both.sum()
+
+    @cached_property
+    def _follower(self) -> Follower:
+        """Means over the kernel and the piece; the kernel has as many points everywhere."""
+        kernel, _ = self.kernel.quadrature(self.axis.entry)
+        rows = np.repeat([0, 1], [len(kernel), len(self._piece_rule[0])])
+        return Follower(self.interpolation, rows, 2)
 
     def tip(self, point: Vector) -> Weights:
         """Return the mean over the tip's kernel at a material point (one row)."""
@@ -72,10 +80,9 @@ class Instrument:
         """
         points, weights = self.kernel.quadrature(point)
         share, offsets, piece_weights = self._piece_rule
-        piece = last + share * (point - last) + offsets
-        rows = np.repeat([0, 1], [len(points), len(piece)])
-        return self.interpolation.means(
-            np.concatenate([points, piece]), np.concatenate([weights, piece_weights]), rows, 2
+        piece = share * (point - last) + last + offsets
+        return self._follower.means(
+            np.concatenate([points, piece]), np.concatenate([weights, piece_weights])
         )
 
     def cutting_force_at(self, weights: Weights) -> float:

@@ -55,19 +55,24 @@ class DiscKernel:
         self._across, self._across_weights = _unit_ball_rule(dim - 1, across)
         self._plane = np.linalg.svd(inward[None])[2][1:]
         self._power = dim - 1
+        self._whole = self._rule(-radius)
 
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
-        radius = self.radius
         under = float(self._inward @ (centre - self._skin))
-        low = max(-radius, -under)
+        offsets, weights = self._whole if under >= self.radius else self._rule(-under)
+        return centre + offsets, weights
+
+    def _rule(self, low: float) -> tuple[Points, Floats]:
+        """Return offsets from the centre, and weights, of the disc above a height in it."""
+        radius = self.radius
         height = low + 0.5 * (radius - low) * (1.0 + np.sin(self._angle))
         half = np.sqrt(np.maximum(radius**2 - height**2, 0.0))
         slab = self._along_weights * np.cos(self._angle) * half**self._power
         across = half[:, None, None] * (self._across @ self._plane)
-        points = centre + height[:, None, None] * self._inward + across
+        offsets = height[:, None, None] * self._inward + across
         weights = (slab[:, None] * self._across_weights).ravel()
-        return points.reshape(-1, len(centre)), weights / weights.sum()
+        return offsets.reshape(-1, len(self._inward)), weights / weights.sum()
 
 
 def cross_section(radius: float, points: int, dim: int) -> tuple[Points, Floats]:
