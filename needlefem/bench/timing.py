@@ -21,6 +21,16 @@ def in_turn(tasks: Timed, rounds: int) -> dict[str, list[float]]:
     return seconds
 
 
+def processor_seconds(task: Callable[[], object], rounds: int) -> list[float]:
+    """Run a task some rounds, one before that is not counted, and return its processor time."""
+    seconds: list[float] = []
+    for _ in range(rounds + 1):
+        start = time.process_time()
+        task()
+        seconds.append(time.process_time() - start)
+    return seconds[1:]
+
+
 def median(values: list[float]) -> float:
     """Return the median."""
     return statistics.median(values)

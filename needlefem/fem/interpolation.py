@@ -84,12 +84,17 @@ class Interpolation:
         nodes, slot = self.slots(cells, row)
         return Weights(nodes, gathered(slot, values, (nrows, len(nodes))))
 
+    def nodes_of(self, cells: Ints) -> Ints:
+        """Return the nodes of cells, shape (n, nodes a cell)."""
+        found: Ints = self._cell_nodes[cells]
+        return found
+
     def slots(self, cells: Ints, row: Ints) -> tuple[Ints, Ints]:
         """Return the nodes of cells, and where points in them add to rows over these nodes.
 
         Row by row and node by node, shape (n nodes a cell,).
         """
-        own = self._cell_nodes[cells]
+        own = self.nodes_of(cells)
         nodes, position = np.unique(own, return_inverse=True)
         slot: Ints = (row[:, None] * len(nodes) + position.reshape(own.shape)).ravel()
         return nodes, slot
@@ -155,9 +160,22 @@ class Follower:
             if not known or np.any(found != self._cells[gone]):
                 self._cells[gone] = found
                 self._inverse = locator.map.inverse(self._cells)
-                self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
+                if known:
+                    self._slot_again()
+                else:
+                    self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
                 local = self._inverse(points)
         return local
+
+    def _slot_again(self) -> None:
+        """Find the slots over the same nodes, if the cells that are new have no others."""
+        own = self._interpolation.nodes_of(self._cells)
+        last = len(self._nodes) - 1
+        place = np.minimum(np.searchsorted(self._nodes, own), last)
+        if np.array_equal(self._nodes[place], own):
+            self._slot = (self._row[:, None] * (last + 1) + place).ravel()
+        else:
+            self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
 
 
 def gathered(slot: Ints, values: Floats, shape: tuple[int, int]) -> Floats:

@@ -10,11 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats, Ints
+from needlefem.fem.columns import Columns, WholeColumns
 from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 
-BLOCK = 64
-"""Right-hand sides solved at once: larger blocks gain nothing and cost memory."""
+ALL = slice(None)
 
 
 class Response(Protocol):
@@ -24,8 +24,8 @@ class Response(Protocol):
         """Return it on rows, shape (nrows, nloads), m."""
         ...
 
-    def after(self, start: int) -> Floats:
-        """Return it on all rows from `start` on, shape (size - start, nloads), m."""
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        """Return it for some loads on all rows from `start` on, shape (size - start, nsome), m."""
         ...
 
 
@@ -36,12 +36,14 @@ class Responses(Protocol):
     ----------
     size : int
         Number of rows known; it may grow, and rows never change their numbers.
-    solves : int
-        Right-hand sides solved so far.
     """
 
     size: int
-    solves: int
+
+    @property
+    def solves(self) -> int:
+        """Right-hand sides solved with the whole factor so far."""
+        ...
 
     def rows(self, nodes: Ints) -> Ints:
         """Return the rows of nodes, node-major, shape (len(nodes) dim,)."""
@@ -74,19 +76,29 @@ class SharedResponses:
         The tissue.
     factor : Factor, optional
         Factorisation of the operator A on the free dofs; that of K when left out.
+    columns : Columns, optional
+        Where columns of A^-1 come from, if not from the factor.
     """
 
-    def __init__(self, model: Model, factor: Factor | None = None) -> None:
-        self._factor = factor if factor is not None else model.factor
+    def __init__(
+        self, model: Model, factor: Factor | None = None, columns: Columns | None = None
+    ) -> None:
+        if columns is None:
+            columns = WholeColumns(factor or model.factor, len(model.free_dofs))
+        self._columns, self._dim = columns, model.dim
         self._equations = _Equations(model)
-        self._unknowns, self._dim = len(model.free_dofs), model.dim
         self._slot: Ints = np.full(model.nnodes, -1)
         self._nodes: Ints = np.zeros(0, dtype=np.intp)
         self._store = np.zeros((0, 0))
-        self.size = self.solves = 0
+        self.size = 0
         # needles ask again and again for what is around their tip
         self._asked = self._rows = self._among = self._nodes
         self._block = self._store
+
+    @property
+    def solves(self) -> int:
+        """See `Responses`."""
+        return self._columns.solves
 
     @property
     def compliance(self) -> Floats:
@@ -124,12 +136,9 @@ class SharedResponses:
         self.size = len(self._nodes) * self._dim
         self._reserve()
         known = self._equations.of(self._nodes)
-        equations = known[before:]
-        for start in range(0, len(equations), BLOCK):
-            some = slice(start, min(start + BLOCK, len(equations)))
-            columns = self._columns(equations[some])[known]
-            columns[known < 0] = 0.0
-            self._store[: self.size, before + some.start : before + some.stop] = columns
+        rows = np.flatnonzero(known >= 0)
+        columns = rows[np.searchsorted(rows, before) :]
+        self._store[rows[:, None], columns] = self._columns.between(known[rows], known[columns])
         fresh = self._store[before : self.size, before : self.size]
         fresh[:] = 0.5 * (fresh + fresh.T)
         self._store[before : self.size, :before] = self._store[:before, before : self.size].T
@@ -139,13 +148,6 @@ class SharedResponses:
             old = self._store
             self._store = np.zeros((int(1.5 * self.size), int(1.5 * self.size)))
             self._store[: len(old), : len(old)] = old
-
-    def _columns(self, equations: Ints) -> Floats:
-        rhs = np.zeros((self._unknowns, len(equations)), order="F")
-        free = np.flatnonzero(equations >= 0)
-        rhs[equations[free], free] = 1.0
-        self.solves += len(free)
-        return self._factor.solve(rhs)
 
 
 class _SharedResponse:
@@ -157,8 +159,12 @@ class _SharedResponse:
             return self._shared.among(rows) @ self._loads.T
         return self._shared.compliance[rows[:, None], self._rows] @ self._loads.T
 
-    def after(self, start: int) -> Floats:
-        return self._shared.compliance[start:, self._rows] @ self._loads.T
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        loads = self._loads[some]
+        used = np.flatnonzero(np.any(loads, axis=0))
+        # by symmetry rows are read, which lie in memory one after the other
+        found: Floats = loads[:, used] @ self._shared.compliance[self._rows[used], start:]
+        return found.T
 
 
 class DirectResponses:
@@ -168,7 +174,12 @@ class DirectResponses:
         self._factor = factor if factor is not None else model.factor
         self._equations = _Equations(model)
         self.size = len(model.free_dofs) + 1  # the last row stands for all held dofs
-        self.solves = 0
+        self._solved = 0
+
+    @property
+    def solves(self) -> int:
+        """See `Responses`."""
+        return self._solved
 
     def rows(self, nodes: Ints) -> Ints:
         """See `Responses`."""
@@ -180,7 +191,7 @@ class DirectResponses:
         rhs[rows] = loads.T
         rhs[-1] = 0.0
         rhs[:-1] = self._factor.solve(rhs[:-1])
-        self.solves += len(loads)
+        self._solved += len(loads)
         return _DirectResponse(rhs)
 
 
@@ -192,5 +203,5 @@ class _DirectResponse:
         found: Floats = self._field[rows]
         return found
 
-    def after(self, start: int) -> Floats:
-        return self._field[start:]
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        return self._field[start:, some]

@@ -3,20 +3,41 @@
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from needlefem.arrays import Floats, Vector
+from needlefem.fem.columns import Corridor, CorridorColumns
 from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 from needlefem.fem.responses import DirectResponses, Responses, SharedResponses
 from needlefem.needle.functionals import Piece
 
 MOST_SHARED_UNKNOWNS = 10_000
-"""Above, the needle's corridor has so many nodes that one solve a load is cheaper."""
+"""Above, a column for every node that a needle touches costs more than condensing its corridor."""
+MOST_CORRIDOR_UNKNOWNS = 12_000
+"""Above, the compliance between all nodes of a corridor would be too large a matrix."""
 
 
-def responses_of(model: Model, factor: Factor | None = None) -> Responses:
-    """Return the responses of a tissue's stiffness, or of a step's factorised operator."""
-    kind = DirectResponses if len(model.free_dofs) > MOST_SHARED_UNKNOWNS else SharedResponses
-    return kind(model) if factor is None else kind(model, factor)
+def responses_of(
+    model: Model, factor: Factor | None = None, corridor: Corridor | None = None
+) -> Responses:
+    """Return the responses of a tissue's stiffness, or of a step's factorised operator.
+
+    Parameters
+    ----------
+    model : Model
+    factor : Factor, optional
+        Of the step's operator; that of K when left out.
+    corridor : Corridor, optional
+        Where needles are expected.
+    """
+    if len(model.free_dofs) <= MOST_SHARED_UNKNOWNS:
+        return SharedResponses(model, factor)
+    if corridor is not None and factor is None and model.element.definite:
+        columns = CorridorColumns(model, corridor)
+        if np.count_nonzero(columns.inner()) <= MOST_CORRIDOR_UNKNOWNS:
+            return SharedResponses(model, columns=columns)
+    return DirectResponses(model, factor)
 
 
 class Medium(Protocol):

@@ -9,6 +9,7 @@ import numpy as np
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
+from needlefem.fem.columns import Corridor
 from needlefem.fem.mesh import BACKGROUND
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
@@ -28,6 +29,11 @@ Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
 Watch = Callable[[State], None]
 """Sees every state, for progress."""
+
+
+CORRIDOR = 2.0
+"""Half-width of the corridor that needles are expected in, beside their heights, over the tip's
+radius: the needle's own and as much for the bend of its path."""
 
 
 class Simulation:
@@ -70,7 +76,20 @@ class Simulation:
     @cached_property
     def responses(self) -> Responses:
         """Responses of the tissue, shared by all insertions."""
-        return responses_of(self.model)
+        return responses_of(self.model, corridor=self._corridor())
+
+    def _corridor(self) -> Corridor | None:
+        """Return where the scene's needles will be, if it says so."""
+        scene, needle = self.scene, self.scene.needle
+        point = scene.motion.entry or scene.target
+        entry = (
+            None if point is None else entry_along(self.model.mesh, np.array(point), self.direction)
+        )
+        if entry is None:
+            return None
+        aside = max(abs(height) for height in scene.planning.height_range)
+        end = entry.point + scene.motion.max_depth * self.direction
+        return Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
 
     @cached_property
     def cutting_force(self) -> Floats:

@@ -150,7 +150,7 @@ class Contact:
         lateral = slice(which * dim + 1, (which + 1) * dim)
         size, laterals = (number + 1) * dim, (number + 1) * (dim - 1)
         self._columns = enlarged(self._columns, self._known_rows, size)
-        columns = trial.response.after(0)[: self._known_rows, mine]
+        columns = trial.response.after(0, mine)[: self._known_rows]
         self._columns[: self._known_rows, size - dim : size] = columns
         self._loads.append((trial.rows, trial.loads[mine]))
         self._w = enlarged(self._w, size, size)

@@ -4,6 +4,7 @@ import pytest
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.build import build_model
+from needlefem.fem.columns import Corridor, CorridorColumns, WholeColumns
 from needlefem.fem.factor import factorise
 from needlefem.fem.responses import DirectResponses, SharedResponses
 from needlefem.insertion.simulation import Simulation
@@ -128,6 +129,25 @@ def test_shared_responses_grow_without_changing(organ: Scene) -> None:
     at_once.rows(np.array([50, 51, 90, 200, 13]))
     assert grown.compliance == pytest.approx(at_once.compliance, rel=1e-10)
     assert np.array_equal(grown.compliance, grown.compliance.T)
+
+
+def test_a_condensed_corridor_gives_the_columns_of_the_whole(organ: Scene) -> None:
+    simulation = Simulation(organ)
+    model = simulation.model
+    entry = simulation.entry_of_case().point
+    corridor = Corridor(entry, entry + 0.02 * simulation.direction, 0.009)
+    columns, whole = (
+        CorridorColumns(model, corridor),
+        WholeColumns(model.factor, len(model.free_dofs)),
+    )
+    inner = np.flatnonzero(columns.inner())
+    near = inner[:: max(len(inner) // 7, 1)]
+    assert columns.between(near, near) == pytest.approx(whole.between(near, near), rel=1e-10)
+    assert 0 < columns.solves < len(inner)  # only what lies around is solved for
+    beside = np.flatnonzero(~columns.inner())[[0, -1]]
+    both = np.concatenate([near, beside])  # a needle elsewhere: the corridor is widened
+    assert columns.between(both, beside) == pytest.approx(whole.between(both, beside), rel=1e-10)
+    assert np.all(columns.inner()[both])
 
 
 def test_held_nodes_do_not_respond(gel: Scene) -> None:
