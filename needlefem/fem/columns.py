@@ -24,7 +24,15 @@ BLOCK = 64
 
 
 class Columns(Protocol):
-    """A way to columns of A^-1."""
+    """A way to columns of A^-1.
+
+    Attributes
+    ----------
+    way : str
+        What it is called.
+    """
+
+    way: str
 
     @property
     def solves(self) -> int:
@@ -38,6 +46,8 @@ class Columns(Protocol):
 
 class WholeColumns:
     """Columns from the whole factor, one back-substitution each; see `Columns`."""
+
+    way = "columns for all nodes touched"
 
     def __init__(self, factor: Factor, unknowns: int) -> None:
         self._factor, self._unknowns = factor, unknowns
@@ -117,6 +127,8 @@ class CorridorColumns:
         With a definite element; its K is the operator.
     corridor : Corridor
     """
+
+    way = "a condensed corridor"
 
     def __init__(self, model: Model, corridor: Corridor) -> None:
         self._model, self._room = model, corridor.halfwidth

@@ -36,9 +36,12 @@ class Responses(Protocol):
     ----------
     size : int
         Number of rows known; it may grow, and rows never change their numbers.
+    way : str
+        How they are computed.
     """
 
     size: int
+    way: str
 
     @property
     def solves(self) -> int:
@@ -86,6 +89,7 @@ class SharedResponses:
         if columns is None:
             columns = WholeColumns(factor or model.factor, len(model.free_dofs))
         self._columns, self._dim = columns, model.dim
+        self.way = columns.way
         self._equations = _Equations(model)
         self._slot: Ints = np.full(model.nnodes, -1)
         self._nodes: Ints = np.zeros(0, dtype=np.intp)
@@ -169,6 +173,8 @@ class _SharedResponse:
 
 class DirectResponses:
     """One back-substitution a load, on all equations; parameters as for `SharedResponses`."""
+
+    way = "one back-substitution a load"
 
     def __init__(self, model: Model, factor: Factor | None = None) -> None:
         self._factor = factor if factor is not None else model.factor

@@ -67,6 +67,17 @@ class Simulation:
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
     @property
+    def reasons(self) -> dict[str, str]:
+        """Why all is as it is, with what was found once there were responses."""
+        found = dict(self.resolved.reasons)
+        if "responses" in vars(self):
+            unknowns, known = len(self.model.free_dofs), self.responses
+            found["factorisation"] = f"{self.model.factor.name}: {unknowns} unknowns"
+            spent = f"{known.size} rows, {known.solves} back-substitutions"
+            found["responses"] = f"{known.way}: {spent}"
+        return found
+
+    @property
     def steps(self) -> bool:
         """Whether the scene's motion needs time steps, beyond what a march can do."""
         motion = self.scene.motion

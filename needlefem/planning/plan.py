@@ -100,7 +100,7 @@ def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ..
         validity=strains,
         warnings=tuple(warnings),
         skipped=simulation.resolved.skipped,
-        reasons=simulation.resolved.reasons,
+        reasons=simulation.reasons,
         timings={},
     )
 
