@@ -1,5 +1,6 @@
 """Timing that survives a noisy machine: rounds in turn, medians, spread."""
 
+import resource
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -29,6 +30,17 @@ def processor_seconds(task: Callable[[], object], rounds: int) -> list[float]:
         task()
         seconds.append(time.process_time() - start)
     return seconds[1:]
+
+
+def children_seconds(task: Callable[[], object], rounds: int) -> list[float]:
+    """Run a task some rounds and return the processor time of the processes that it waits for."""
+    seconds: list[float] = []
+    for _ in range(rounds):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        task()
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return seconds
 
 
 def median(values: list[float]) -> float:
