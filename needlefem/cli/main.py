@@ -33,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # the dense products here are small: threads only cost; must be set before numpy is imported
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    options = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = _parser(given).parse_args(given)
     try:
         if options.allow_code:
             import_module("needlefem.foreign").allow()
@@ -49,12 +50,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 3
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser, with the options of the command that is given."""
     parser = argparse.ArgumentParser(prog="needlefem", description=__doc__.splitlines()[0])
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, sentence in COMMANDS.items():
         sub = commands.add_parser(name, help=sentence, description=sentence)
+        if given and given[0] in COMMANDS and given[0] != name:
+            continue
         sub.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
         sub.add_argument("--debug", action="store_true", help="show a traceback with an error")
         sub.add_argument(
