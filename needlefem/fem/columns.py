@@ -84,6 +84,13 @@ class Corridor:
     end: Vector
     halfwidth: float
 
+    def places(self, points: Points) -> Points:
+        """Return coordinates along the line, and what is left across it, shape (n, 1 + dim), m."""
+        line = self.end - self.begin
+        direction = line / np.linalg.norm(line)
+        along = points @ direction
+        return np.column_stack([along, points - along[:, None] * direction])
+
 
 class Condensed:
     """Some equations, condensed: the rest is seen through what lies around them.
@@ -136,9 +143,8 @@ class CorridorColumns:
         node = np.zeros(model.ndofs, dtype=np.intp)
         node[model.node_dofs] = np.arange(model.nnodes)[:, None]
         self._node: Ints = node[model.free_dofs]
-        line = corridor.end - corridor.begin
-        self._direction: Vector = line / np.linalg.norm(line)
-        ends = self._places(np.array([corridor.begin, corridor.end]))
+        self._places: Floats = corridor.places(model.nodes)
+        ends = corridor.places(np.array([corridor.begin, corridor.end]))
         self._low = ends.min(axis=0) - self._room
         self._high = ends.max(axis=0) + self._room
         self._condensed: Condensed | None = None
@@ -158,19 +164,13 @@ class CorridorColumns:
 
     def inner(self) -> Bools:
         """Return whether equations belong to the corridor, shape (nequations,)."""
-        places = self._places(self._model.nodes)
-        inside = np.all((places >= self._low) & (places <= self._high), axis=1)
+        inside = np.all((self._places >= self._low) & (self._places <= self._high), axis=1)
         found: Bools = inside[self._node]
         return found
 
     def _widen(self, equations: Ints) -> None:
-        places = self._places(self._model.nodes[self._node[equations]])
+        places = self._places[self._node[equations]]
         outside = np.any((places < self._low) | (places > self._high), axis=1)
         if np.any(outside):
             self._low = np.minimum(self._low, places[outside].min(axis=0) - self._room)
             self._high = np.maximum(self._high, places[outside].max(axis=0) + self._room)
-
-    def _places(self, points: Points) -> Points:
-        """Return coordinates along the needle, and what is left across it."""
-        along = points @ self._direction
-        return np.column_stack([along, points - along[:, None] * self._direction])

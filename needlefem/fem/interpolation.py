@@ -151,7 +151,7 @@ class Follower:
         locator = self._interpolation.locator
         known = self._cells[0] >= 0
         local = self._inverse(points) if known else points
-        gone = np.flatnonzero(locator.map.depth(local) < 0.0) if known else np.arange(len(points))
+        gone = (locator.map.depth(local) < 0.0).nonzero()[0] if known else np.arange(len(points))
         if gone.size:
             found, _ = locator.find(points[gone])
             if found.min() < 0:
@@ -172,7 +172,7 @@ class Follower:
         own = self._interpolation.nodes_of(self._cells)
         last = len(self._nodes) - 1
         place = np.minimum(np.searchsorted(self._nodes, own), last)
-        if np.array_equal(self._nodes[place], own):
+        if (self._nodes[place] == own).all():
             self._slot = (self._row[:, None] * (last + 1) + place).ravel()
         else:
             self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)

@@ -10,11 +10,13 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats, Ints
-from needlefem.fem.columns import Columns, WholeColumns
+from needlefem.fem.columns import Columns, Corridor, WholeColumns
 from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 
 ALL = slice(None)
+AHEAD = 2.0
+"""Way ahead of a needle that is solved for at once, over its corridor's half-width."""
 
 
 class Response(Protocol):
@@ -81,14 +83,22 @@ class SharedResponses:
         Factorisation of the operator A on the free dofs; that of K when left out.
     columns : Columns, optional
         Where columns of A^-1 come from, if not from the factor.
+    corridor : Corridor, optional
+        Where needles go: what lies ahead of them is solved for in blocks.
     """
 
     def __init__(
-        self, model: Model, factor: Factor | None = None, columns: Columns | None = None
+        self,
+        model: Model,
+        factor: Factor | None = None,
+        columns: Columns | None = None,
+        corridor: Corridor | None = None,
     ) -> None:
         if columns is None:
             columns = WholeColumns(factor or model.factor, len(model.free_dofs))
         self._columns, self._dim = columns, model.dim
+        self._ahead = 0.0 if corridor is None else AHEAD * corridor.halfwidth
+        self._places: Floats = model.nodes if corridor is None else corridor.places(model.nodes)
         self.way = columns.way
         self._equations = _Equations(model)
         self._slot: Ints = np.full(model.nnodes, -1)
@@ -117,7 +127,7 @@ class SharedResponses:
         if nodes is not self._asked:
             slots = self._slot[nodes]
             if slots.min(initial=0) < 0:
-                self._touch(nodes[slots < 0])
+                self._touch(self._foreseen(nodes))
                 slots = self._slot[nodes]
             self._asked = nodes
             self._rows = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
@@ -132,6 +142,16 @@ class SharedResponses:
     def respond(self, rows: Ints, loads: Floats) -> Response:
         """See `Responses`."""
         return _SharedResponse(self, rows, loads)
+
+    def _foreseen(self, nodes: Ints) -> Ints:
+        """Return what is new of some nodes, and of those that lie ahead of them."""
+        if not self._ahead:
+            return nodes[self._slot[nodes] < 0]
+        near = self._places[nodes]
+        low, high = near.min(axis=0), near.max(axis=0)
+        high[0] += self._ahead
+        wanted = np.all((self._places >= low) & (self._places <= high), axis=1)
+        return np.flatnonzero(wanted & (self._slot < 0))
 
     def _touch(self, new: Ints) -> None:
         before = self.size

@@ -32,11 +32,11 @@ def responses_of(
         Where needles are expected.
     """
     if len(model.free_dofs) <= MOST_SHARED_UNKNOWNS:
-        return SharedResponses(model, factor)
+        return SharedResponses(model, factor, corridor=corridor)
     if corridor is not None and factor is None and model.element.definite:
         columns = CorridorColumns(model, corridor)
         if np.count_nonzero(columns.inner()) <= MOST_CORRIDOR_UNKNOWNS:
-            return SharedResponses(model, columns=columns)
+            return SharedResponses(model, columns=columns, corridor=corridor)
     return DirectResponses(model, factor)
 
 

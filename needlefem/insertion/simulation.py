@@ -157,7 +157,7 @@ class Simulation:
         kernel: Kernel = DiscKernel(radius, points, entry.point, entry.inward)
         section = cross_section(radius, points, self.model.dim)
         if needle.tip == "point":
-            kernel, section = PointKernel(), cross_section(0.0, 1, self.model.dim)
+            kernel, section = PointKernel(self.model.dim), cross_section(0.0, 1, self.model.dim)
         return Instrument(
             axis=Axis(entry.point, self.direction),
             kernel=kernel,

@@ -158,7 +158,8 @@ class Contact:
         self._w[: size - dim, size - dim : size] = trial.coupling[mine].T
         self._w[size - dim : size, size - dim : size] = trial.bare[mine, mine]
         self._cholesky = enlarged(self._cholesky, laterals, laterals)
-        hold = trial.compliance[lateral, lateral] + compliance * np.eye(dim - 1)
+        hold = trial.compliance[lateral, lateral].copy()
+        hold.flat[::dim] += compliance  # the diagonal
         rows = slice(laterals - dim + 1, laterals)
         self._cholesky[rows, : rows.start] = trial.half[:, lateral].T
         self._cholesky[rows, rows] = np.sqrt(hold) if dim == 2 else np.linalg.cholesky(hold)

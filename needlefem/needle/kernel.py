@@ -15,6 +15,13 @@ from needlefem.arrays import Floats, Points, Vector
 class Kernel(Protocol):
     """A way to spread the tip's force."""
 
+    def rule(self, centre: Vector) -> tuple[Points, Floats]:
+        """Return offsets from the centre, and weights, as `quadrature` does with points.
+
+        Deep in the tissue, where they do not depend on the centre, always the same objects.
+        """
+        ...
+
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """Return points, shape (n, dim), and weights, shape (n,), that sum to 1."""
         ...
@@ -23,9 +30,16 @@ class Kernel(Protocol):
 class PointKernel:
     """A point force. It never converges under refinement and is kept to show just that."""
 
+    def __init__(self, dim: int) -> None:
+        self._point = np.zeros((1, dim)), np.ones(1)
+
+    def rule(self, centre: Vector) -> tuple[Points, Floats]:  # noqa: ARG002
+        """See `Kernel`."""
+        return self._point
+
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
-        return centre[None], np.ones(1)
+        return centre[None], self._point[1]
 
 
 class DiscKernel:
@@ -57,10 +71,14 @@ class DiscKernel:
         self._power = dim - 1
         self._whole = self._rule(-radius)
 
-    def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
+    def rule(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
         under = float(self._inward @ (centre - self._skin))
-        offsets, weights = self._whole if under >= self.radius else self._rule(-under)
+        return self._whole if under >= self.radius else self._rule(-under)
+
+    def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
+        """See `Kernel`."""
+        offsets, weights = self.rule(centre)
         return centre + offsets, weights
 
     def _rule(self, low: float) -> tuple[Points, Floats]:
