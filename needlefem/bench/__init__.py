@@ -10,6 +10,7 @@ Benchmark = Callable[[str], Table]
 """Takes the path of a case, or of the folder of reference problems."""
 
 BENCHMARKS = {
+    "insertion": "one insertion in back-substitutions of its model, and where its time goes",
     "scaling": "a cold plan, its memory and an insertion as the mesh grows around one corridor",
     "plan": "stages of a plan in milliseconds and in back-substitutions of its own model",
     "stepping": "a state of a needle in motion, in milliseconds and in back-substitutions",
