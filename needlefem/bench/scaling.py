@@ -165,7 +165,8 @@ def grown(scene: Scene, size: int) -> SkfemMesh:
             return mesh
         wanted = int((size - ndofs) / (3.0 * ndofs / mesh.nelements)) + 1
         largest = outside[np.argsort(-cell_sizes(mesh)[outside])][:wanted]
-        mesh = name_faces(name_regions(mesh.refined(np.sort(largest)), contours), scene.axes)
+        finer = type(mesh)(mesh.p, mesh.t).refined(np.sort(largest))  # names go with refinement
+        mesh = name_faces(name_regions(finer, contours), scene.axes)
 
 
 def _room(scene: Scene) -> float:
