@@ -2,6 +2,7 @@
 
 import cProfile
 import pstats
+import time
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ def _spread(seconds: list[float]) -> tuple[float, float]:
 
 def _shares(task: Any) -> dict[str, float]:
     """Return what each part takes of the whole, what it calls of other parts not counted."""
-    profile = cProfile.Profile()
+    profile = cProfile.Profile(time.process_time)
     profile.runcall(task)
     spent = dict.fromkeys(PARTS, 0.0)
     entries: Any = pstats.Stats(profile).stats  # type: ignore[attr-defined]
