@@ -102,6 +102,13 @@ def cheapest(ratio: float) -> tuple[str, ...]:
     )
 
 
+def quadratic(scene: Scene) -> str:
+    """Return the quadratic element of the scene's cells, with a pressure only if it locks else."""
+    plain, mixed, _ = CHEAPEST[cell_shape(scene)]
+    worst = max(_ratio(scene, material) for material in scene.materials.values())
+    return plain if worst <= element_row(plain).poissons_ratio_limit else mixed
+
+
 def _element(scene: Scene) -> tuple[str, str]:
     """Return the element that is fastest to an accuracy in the scene, and why."""
     plain, mixed, overtakes = CHEAPEST[cell_shape(scene)]
@@ -146,6 +153,8 @@ def _skips(scene: Scene) -> dict[str, str]:
         "further_insertions": "a search ends where the target is met to its tolerance",
         "repetition": "all insertions share assembly, factorisation and responses",
     }
+    if not scene.planning.estimate:
+        found["estimate"] = "what the discretisation does to a placement: not asked for"
     motion = scene.motion
     if scene.discretisation.integrator != "march" or motion.stages or motion.times:
         del found["time_steps"], found["retraction"]

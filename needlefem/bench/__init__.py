@@ -19,6 +19,7 @@ BENCHMARKS = {
     "solvers": "orders of the factorisation, for definite and for mixed elements",
     "elements": "error against seconds of elements in the reference problems",
     "integrators": "error against seconds of integrators, with elements and kinds of mass",
+    "accuracy": "error of the placement against seconds of the whole plan, with the front",
     "render": "an animation beside the bare PyVista loop that renders the same frames",
     "imports": "the whole plan command from a cold start against importing scikit-fem",
 }

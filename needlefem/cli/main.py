@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     given = sys.argv[1:] if arguments is None else arguments
-    options = _parser(given).parse_args(given)
+    options = parser_of(given).parse_args(given)
     try:
         if options.allow_code:
             import_module("needlefem.foreign").allow()
@@ -50,8 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 3
 
 
-def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser, with the options of the command that is given."""
+def parser_of(given: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Return the parser of all commands; with arguments, the options of their command alone."""
     parser = argparse.ArgumentParser(prog="needlefem", description=__doc__.splitlines()[0])
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -142,7 +142,9 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--element", help="qualify this element ('all') instead")
     parser.add_argument("--material", help="qualify this law ('all') instead")
     parser.add_argument("--integrator", help="qualify this integrator ('all') instead")
-    parser.add_argument("--plane", choices=("strain", "stress"), default="strain")
+    parser.add_argument(
+        "--plane", choices=("strain", "stress"), default="strain", help="of what is qualified"
+    )
     parser.add_argument(
         "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
         help='constant of the law, as in --set youngs_modulus="3 kPa"',

@@ -11,7 +11,7 @@ from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
 from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.planning.plan import plan
-from needlefem.planning.result import Plan, PlanStatus
+from needlefem.planning.result import Evidence, Plan, PlanStatus
 from needlefem.scene import Scene
 
 
@@ -67,6 +67,24 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
         say(f"  {len(checks)} checks passed before planning: {', '.join(c.name for c in checks)}")
         if found.evidence.ledger is not None:
             say(f"  energy ledger closes to {found.evidence.ledger.residual:.1e} of the work")
+        _accuracy(found.evidence)
         seconds = sum(found.evidence.timings.values())
         say(f"  {seconds:.2f} s, without: {', '.join(record['skipped'])}")
         warn(found.evidence.warnings)
+
+
+def _accuracy(evidence: Evidence) -> None:
+    """Say what the discretisation does to the placement, and what was tried to make it small."""
+    for tried in evidence.trail:
+        sizes = (tried.corridor, tried.contour, tried.bulk, tried.path)
+        say(
+            f"  tried {tried.element}, {tried.unknowns} unknowns, "
+            f"{' / '.join(f'{1e3 * size:.3g}' for size in sizes)} mm (needle / contours / "
+            f"elsewhere / path): {1e3 * tried.error:.2g} mm, {tried.insertions} insertions"
+        )
+    if evidence.estimate is not None:
+        found = evidence.estimate
+        say(
+            f"  discretisation: about {1e3 * found.error:.2g} mm of placement error "
+            f"(against {found.compared_to})"
+        )

@@ -24,7 +24,7 @@ from needlefem.output.records import (
     seed_record,
 )
 from needlefem.output.scanner import scanner_lines, with_scanner
-from needlefem.planning.plan import checked
+from needlefem.planning.making import checked
 
 GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
 

@@ -19,6 +19,43 @@ from needlefem.insertion.state import State, Way
 from needlefem.needle.functionals import Piece
 
 
+@dataclasses.dataclass(frozen=True)
+class Spent:
+    """What the needle's work went into in one step, J (J/m in 2D); terms as in `Ledger`.
+
+    Parameters
+    ----------
+    caught : float
+        Of the capture, what catching by velocity took; the rest is the lateral hold's.
+    mismatch : float
+        Work that is in none of them, in elastic tissue.
+    """
+
+    work: float
+    strain: float
+    hold: float
+    friction: float
+    cutting: float
+    snap: float
+    contact: float
+    capture: float
+    caught: float
+    mismatch: float
+
+    @property
+    def tip(self) -> float:
+        """What the tip took."""
+        return self.cutting + self.snap + self.contact
+
+    @property
+    def least(self) -> float:
+        """The least that friction, cutting, a snap or all together took: none may give.
+
+        Not counted is the lateral hold, which is elastic: it gives back what it stored.
+        """
+        return min(self.friction, self.cutting, self.snap, self.friction + self.tip + self.caught)
+
+
 @dataclasses.dataclass
 class Account:
     """Energies since the first state, J (J/m in 2D).
@@ -36,7 +73,7 @@ class Account:
     Attributes
     ----------
     least : float
-        The least that friction, cutting and snaps took in a step: none may give.
+        The least of `Spent.least`.
     mismatch : float
         Largest difference of a step's work from all that it was spent on (elastic tissue).
     turnover : float
@@ -62,8 +99,8 @@ class Account:
     mismatch: float = 0.0
     turnover: float = 0.0
 
-    def add(self, old: State, new: State, fields: tuple[Field, Field]) -> tuple[float, float]:
-        """Account for a step; return what friction took, and what the tip took."""
+    def weigh(self, old: State, new: State, fields: tuple[Field, Field]) -> Spent:
+        """Return what a step between two states, with their fields, spends."""
         travel = new.depth - old.depth
         sides = (
             _Side(old, fields[1], self.pieces, new),
@@ -73,32 +110,34 @@ class Account:
         signed = list(zip(sides, (1, -1), strict=True))
         friction = 0.5 * sum(float(np.sum(side.friction(travel, sign))) for side, sign in signed)
         tip = [0.5 * side.tip(travel, sign) for side, sign in signed]
-        parts = _tip_parts(old, new, tip)
+        cutting, snap, contact = _tip_parts(old, new, tip)
         hold = _hold(new, self.pieces) - _hold(old, self.pieces)
         stick = self.give * (_stick(new, self.pieces) - _stick(old, self.pieces))
         hold, friction = hold + stick, friction - stick
         capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
         capture += 0.5 * (sides[1].let_go() - sides[0].let_go())
         strain = _strain(new) - _strain(old)
-        self.mismatch = max(
-            self.mismatch, abs(work - strain - friction - sum(parts) - hold - capture)
-        )
-        self.work += work
-        self.turnover += abs(work)
-        self.strain += strain
+        mismatch = work - strain - friction - cutting - snap - contact - hold - capture
+        caught = 0.0
         if self.inertial and new.way is Way.OUT:  # the needle lets go of its last piece
-            parts, friction = (*parts[:2], parts[2] + friction), 0.0
-        elif self.inertial and not self.give:
-            caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
-            friction, capture = friction - caught, capture + caught
-        self.hold += hold
-        self.friction += friction
-        self.cutting += parts[0]
-        self.snap += parts[1]
-        self.contact += parts[2]
-        self.capture += capture
-        self.least = min(self.least, friction, parts[0], parts[1])
-        return friction, sum(parts)
+            contact, friction = contact + friction, 0.0
+        elif self.inertial:
+            grown = _regrown(old, new, sides, travel)
+            if not self.give:
+                caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
+            friction, capture = friction - caught - grown, capture + grown
+        return Spent(
+            work=work, strain=strain, hold=hold, friction=friction, cutting=cutting, snap=snap,
+            contact=contact, capture=capture + caught, caught=caught, mismatch=mismatch,
+        )  # fmt: skip
+
+    def add(self, spent: Spent) -> None:
+        """Account for a step."""
+        for name in ("work", "strain", "hold", "friction", "cutting", "snap", "contact", "capture"):
+            setattr(self, name, getattr(self, name) + getattr(spent, name))
+        self.turnover += abs(spent.work)
+        self.mismatch = max(self.mismatch, abs(spent.mismatch))
+        self.least = min(self.least, spent.least)
 
     def begin(self, found: Ledger) -> None:
         """Go on from the ledger of a march."""
@@ -150,10 +189,14 @@ class _Side:
         tip = Weights(own.tip_nodes, own.tip_weights[None])
         self.tip_elsewhere: Floats = other.means(tip)[0]
 
+    def slip(self, travel: float, sign: int) -> Floats:
+        """Return how far the needle slipped in every piece."""
+        found: Floats = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
+        return found
+
     def friction(self, travel: float, sign: int) -> Floats:
         """Return friction times slip, of every piece."""
-        apart = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
-        found: Floats = self.own.axial * apart
+        found: Floats = self.own.axial * self.slip(travel, sign)
         return found
 
     def stuck(self, travel: float, sign: int, new: State) -> float:
@@ -182,6 +225,18 @@ def _piece(state: State, number: int, pieces: Sequence[Piece]) -> Piece:
     if state.end is not None and number == state.whole:
         return state.end
     return pieces[number]
+
+
+def _regrown(old: State, new: State, sides: tuple["_Side", "_Side"], travel: float) -> float:
+    """Return what friction gives or takes as the tip's piece becomes another functional.
+
+    As it slips it is the piece of the step's end; what it was at the start was let go of.
+    """
+    number = old.whole
+    if old.end is None or number >= len(new.axial):
+        return 0.0
+    was, became = sides[0].slip(travel, 1)[number], sides[1].slip(travel, -1)[number]
+    return 0.5 * float(old.axial[number] * (was - became))
 
 
 def _tip_parts(old: State, new: State, apart: list[float]) -> tuple[float, float, float]:

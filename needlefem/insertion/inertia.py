@@ -27,6 +27,7 @@ from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.insertion.media import responses_of
+from needlefem.insertion.recent import Recent
 from needlefem.needle.functionals import Piece
 from needlefem.scene import Rayleigh, Scene
 
@@ -92,7 +93,7 @@ class DynamicMedium:
     ) -> None:
         self.system, self.model, self.integrator = system, system.model, integrator
         self._refuse = refuse_ringing
-        self._steppers: dict[float, tuple[ImplicitStepper, Responses]] = {}
+        self._steppers: Recent[float, tuple[ImplicitStepper, Responses]] = Recent()
         self._energies = dict.fromkeys(TERMS, 0.0)
         self._forces, self._needed, self._pace = np.zeros((3, system.size))
         self.motion: Motion | None = None
@@ -105,9 +106,7 @@ class DynamicMedium:
         if duration <= 0.0:
             raise SimulationError("tissue with inertia takes steps that last")
         key = float(np.format_float_scientific(duration, precision=9))
-        if key not in self._steppers:
-            self._steppers[key] = self._ready(duration)
-        self._stepper, self.responses = self._steppers[key]
+        self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
         if self.motion is None:
             self.motion = self._stepper.at_rest()
         share = self._stepper.weights.force

@@ -123,12 +123,12 @@ def _end(track: Track, solution: Solution) -> Piece:
     )
 
 
-def rebuilt(contact: Contact, pieces: Sequence[Piece]) -> Contact:
-    """Return an empty contact with the pieces of a path."""
-    for piece in pieces:
+def extend(contact: Contact, pieces: Sequence[Piece]) -> None:
+    """Give a contact the pieces of a path that it lacks."""
+    contact.cover(len(contact.pieces))
+    for piece in pieces[len(contact.pieces) :]:
         trial = contact.try_functionals(Weights(piece.nodes, piece.weights[None]))
         contact.adopt(trial, 0, 0.0, piece.offset, piece.compliance)
-    return contact
 
 
 def tell_apart(contact: Contact, track: Track, friction: Friction) -> None:

@@ -11,6 +11,7 @@ from needlefem.errors import SimulationError
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.insertion.media import responses_of
+from needlefem.insertion.recent import Recent
 from needlefem.needle.functionals import Piece
 
 
@@ -22,7 +23,7 @@ class ViscoelasticMedium:
     def __init__(self, model: Model) -> None:
         self.model, self.system = model, TissueSystem(model)
         self._motion: Motion | None = None
-        self._steppers: dict[float, tuple[StaticStepper, Responses]] = {}
+        self._steppers: Recent[float, tuple[StaticStepper, Responses]] = Recent()
         self._energies: dict[str, float] = {}
         self._forces = np.zeros(self.system.size)
         self.background: Floats | None = None
@@ -33,15 +34,16 @@ class ViscoelasticMedium:
         if duration <= 0.0:
             raise SimulationError("viscoelastic tissue takes steps that last")
         key = float(np.format_float_scientific(duration, precision=9))
-        if key not in self._steppers:
-            stepper = StaticStepper(self.system, duration)
-            self._steppers[key] = (stepper, responses_of(self.model, stepper.factor))
-        self._stepper, self.responses = self._steppers[key]
+        self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
         if self._motion is None:
             rest = np.zeros(self.system.size)
             self._motion = self._stepper.start(rest, rest)
         self._free = self._stepper.free_motion(self._motion)
         self.background = self.system.nodal(self._free)
+
+    def _ready(self, duration: float) -> tuple[StaticStepper, Responses]:
+        stepper = StaticStepper(self.system, duration)
+        return stepper, responses_of(self.model, stepper.factor)
 
     def swing(self, pieces: Sequence[Piece], direction: Vector) -> None:
         """See `Medium`."""

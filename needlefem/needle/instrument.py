@@ -48,6 +48,16 @@ class Instrument:
     spacing: float
 
     @cached_property
+    def piece_rule(self) -> tuple[Floats, Floats, Floats]:
+        """Shares of the piece's length, offsets across it (m), and weights (sum 1) of points."""
+        nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
+        across, across_weights = self.section
+        share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
+        offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))
+        both = np.outer(weights, across_weights).ravel()
+        return share, offsets, both / both.sum()
+
+    @cached_property
     def _behind(self) -> "_Behind":
         return _Behind(self)
 
@@ -71,6 +81,14 @@ class Instrument:
         """Return cutting force (of row 0) and friction limit (of row 1) of functionals."""
         return self._behind.resistance(weights)
 
+    def pieces(self, vertices: Points) -> Weights:
+        """Return the means over the pieces of a path between its vertices, shape (n, dim), m."""
+        share, offsets, weights = self.piece_rule
+        ahead = np.diff(vertices, axis=0)[:, None]
+        points = (vertices[:-1, None] + share * ahead + offsets).reshape(-1, vertices.shape[1])
+        rows = np.repeat(np.arange(len(ahead)), len(weights))
+        return self.interpolation.means(points, np.tile(weights, len(ahead)), rows, len(ahead))
+
     def cutting_force_at(self, weights: Weights) -> float:
         """Return the cutting force, averaged over the kernel (row 0), N (N/m in 2D)."""
         return float(weights.rows[0] @ self.cutting_force[weights.nodes])
@@ -85,15 +103,10 @@ class _Behind:
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
-        nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
-        across, across_weights = instrument.section
-        both = np.outer(weights, across_weights).ravel()
-        self._piece_weights: Floats = both / both.sum()
-        self._piece_offsets: Points = np.tile(across @ instrument.axis.laterals, (PIECE_POINTS, 1))
-        share = np.repeat(0.5 * (nodes + 1.0), len(across))
+        share, self._piece_offsets, self._piece_weights = instrument.piece_rule
         self._kernel, _ = instrument.kernel.rule(instrument.axis.entry)
         count = len(self._kernel)  # the kernel has as many points everywhere
-        self._share: Floats = np.append(np.ones(count), share)[:, None]
+        self._share: Floats = np.concatenate([np.ones((count, 1)), share])
         self._offsets: Points = np.zeros((0, 0))
         self._weights: Floats = np.zeros(0)
         rows = np.repeat([0, 1], [count, len(share)])

@@ -57,6 +57,8 @@ def _evidence_record(evidence: Evidence) -> dict[str, Any]:
         "energy_residual": None if energies is None else energies.residual,
         "energy": None if energies is None else ledger_record(energies),
         "validity": None if strains is None else dataclasses.asdict(strains),
+        "estimate": None if evidence.estimate is None else dataclasses.asdict(evidence.estimate),
+        "trail": [dataclasses.asdict(attempt) for attempt in evidence.trail],
         "preflight": [check_record(check) for check in evidence.preflight],
         "timings": evidence.timings,
         "skipped": evidence.skipped,

@@ -14,7 +14,7 @@ from needlefem.insertion.nodesimulation import InTime, NodeSimulation
 from needlefem.insertion.path import Path, Reach
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
-from needlefem.planning.plan import checked
+from needlefem.planning.making import checked
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Evidence, Plan
 from needlefem.scene import BoxMesh, Scene, vary

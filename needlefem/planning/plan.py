@@ -1,20 +1,17 @@
 """Plan on a discretisation that has passed its checks, and say what the plan is worth."""
 
 import dataclasses
-import time
 
 import numpy as np
 
 from needlefem.arrays import Vector
-from needlefem.checks.needle import needle_resolution, sticking_pieces
-from needlefem.checks.result import CheckResult
-from needlefem.checks.tissue import preflight
-from needlefem.errors import CaseError, CheckFailedError
+from needlefem.errors import CaseError
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
-from needlefem.planning.planner import Planner
-from needlefem.planning.result import Evidence, Plan
+from needlefem.planning.accuracy import make_accurate
+from needlefem.planning.making import Clock, Made, Wanted, make
+from needlefem.planning.result import Attempt, Evidence, Plan
 from needlefem.scene import Scene
 
 
@@ -52,38 +49,20 @@ def plan(
     chosen = target if target is not None else scene.target
     if chosen is None:
         raise CaseError("target.point", "missing", "give a target to plan for")
-    clock = _Clock()
-    simulation = Simulation(scene, watch=watch)
-    if scene.motion.entry:
-        simulation.entry_of_case()  # a plan chooses its own, but the case's must be one
-    planner = Planner(simulation, np.asarray(chosen, dtype=float))
-    clock.lap("model")
-    checks = checked(simulation)
-    clock.lap("preflight")
-    found = planner.plan(search, all_solutions=all_solutions)
-    clock.lap("search")
-    evidence = _evidence(simulation, found, checks)
+    goal, clock = np.asarray(chosen, dtype=float), Clock()
+    wanted = Wanted(target=goal, search=search, all_solutions=all_solutions, clock=clock)
+    if scene.planning.accuracy > 0.0:
+        made, trail = make_accurate(scene, wanted, watch)
+    else:
+        made, trail = make(Simulation(scene, watch=watch), wanted), ()
+    evidence = _evidence(made, trail)
     clock.lap("evidence")
     evidence = dataclasses.replace(evidence, timings=clock.laps)
-    return dataclasses.replace(found, evidence=evidence)
+    return dataclasses.replace(made.plan, evidence=evidence)
 
 
-def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
-    """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
-    checks = [*preflight(simulation.model), needle_resolution(simulation)]
-    if simulation.steps:
-        checks.append(sticking_pieces(simulation))
-    failed = [check for check in checks if not check.passed]
-    if failed:
-        worst = failed[0]
-        raise CheckFailedError(
-            f"refused: check '{worst.name}' gives {worst.value:.3g}, at most {worst.bound:.3g} "
-            f"is allowed ({worst.requirement}); repair the mesh or choose another element"
-        )
-    return tuple(checks)
-
-
-def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ...]) -> Evidence:
+def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
+    simulation, found = made.simulation, made.plan
     insertion, energies, strains = found.insertion, None, None
     warnings = list(simulation.resolved.warnings)
     if found.best is not None:
@@ -95,23 +74,13 @@ def _evidence(simulation: Simulation, found: Plan, checks: tuple[CheckResult, ..
         if insertion.snaps:
             warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
     return Evidence(
-        preflight=checks,
+        preflight=made.checks,
         ledger=energies,
         validity=strains,
+        estimate=made.estimate,
+        trail=trail,
         warnings=tuple(warnings),
         skipped=simulation.resolved.skipped,
         reasons=simulation.reasons,
         timings={},
     )
-
-
-class _Clock:
-    """Seconds between laps."""
-
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name], self._last = now - self._last, now

@@ -100,11 +100,17 @@ class Planner:
         """Say whether the tip jumped in any insertion so far."""
         return any(insertion.snaps for insertion, _ in self._known.values())
 
-    def plan(self, search: str | None = None, *, all_solutions: bool = False) -> Plan:
-        """Search the height; see `needlefem.plan`."""
+    def plan(
+        self,
+        search: str | None = None,
+        *,
+        all_solutions: bool = False,
+        start: Floats | None = None,
+    ) -> Plan:
+        """Search the height, a root from `start`; see `needlefem.plan`."""
         before = self.simulation.insertions
         search = search or self.simulation.scene.planning.search
-        solution = self._search(search)
+        solution = self._search(search, self._level if start is None else start)
         spent = self.simulation.insertions - before
         status, sentence = self._judge(solution)
         best = self._best_reach(solution)
@@ -126,11 +132,11 @@ class Planner:
             scan_insertions=self.simulation.insertions - scanned,
         )
 
-    def _search(self, search: str) -> Solution:
+    def _search(self, search: str, start: Floats) -> Solution:
         numbers = self.simulation.scene.planning
         low, high = numbers.height_range
         if search == "root":
-            return self._root(self._level, (low, high))
+            return self._root(start, (low, high))
         if len(self.laterals) != 1:
             raise CaseError("planning.search", f"'{search}' is for 2D scenes", "use 'root'")
         method = golden_section if search == "golden" else grid

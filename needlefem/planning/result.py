@@ -19,6 +19,7 @@ class PlanStatus(StrEnum):
     OUTSIDE_RANGE = "outside_range"
     UNREACHABLE = "unreachable"
     NOT_CONVERGED = "not_converged"
+    NOT_ACCURATE = "not_accurate"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -41,6 +42,55 @@ class Release:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """How far from the target the release would place on the exact tissue; an estimate.
+
+    Parameters
+    ----------
+    error : float, m
+    path : float, m, or None
+        What the path's spacing has in it; None where it is left out.
+    offset : array, shape (dim,), m
+        Where it places on the finer tissue, less where on the plan's own.
+    compared_to : str
+        The finer tissue.
+    unknowns : int
+        It has.
+    """
+
+    error: float
+    path: float | None
+    offset: Vector
+    compared_to: str
+    unknowns: int
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """A discretisation that was tried for an accuracy.
+
+    Parameters
+    ----------
+    element : str
+    corridor, contour, bulk, path : float, m
+        Element sizes along the needle, at contours and elsewhere; path spacing.
+    unknowns : int
+    insertions : int
+    error : float, m
+        Estimate of the placement's error.
+    """
+
+    element: str
+    corridor: float
+    contour: float
+    bulk: float
+    path: float
+    unknowns: int
+    insertions: int
+    error: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
     """What speaks for and against a plan.
 
@@ -52,6 +102,10 @@ class Evidence:
         Energies of the planned insertion.
     validity : Validity or None
         Strains at the planned release.
+    estimate : Estimate or None
+        Of the placement's discretisation error; None if it was not asked for or nothing is cut.
+    trail : tuple of Attempt
+        Discretisations tried for `planning.accuracy`; the plan is the last one's.
     warnings : tuple of str
     skipped, reasons : mapping
         What the scene did without, and why it was resolved as it was.
@@ -62,6 +116,8 @@ class Evidence:
     preflight: tuple[CheckResult, ...]
     ledger: Ledger | None
     validity: Validity | None
+    estimate: Estimate | None = None
+    trail: tuple[Attempt, ...] = ()
     warnings: tuple[str, ...]
     skipped: Mapping[str, str]
     reasons: Mapping[str, str]

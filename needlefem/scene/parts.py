@@ -150,6 +150,17 @@ class Planning:
         low=0.0,
     )
     max_insertions: int = knob("Most insertions of one search", default=40, low=1.0, closed=True)
+    estimate: bool = knob("Whether to estimate what the elements do to the placement", default=True)
+    accuracy: float = knob(
+        "Error of the placement that element, sizes and path spacing are chosen for; 0: the case's",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    max_unknowns: int = knob(
+        "Most unknowns that are spent on an accuracy", default=100_000, low=1.0, closed=True
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import Way
 from needlefem.materials import Viscoelastic
-from needlefem.planning.plan import checked
+from needlefem.planning.making import checked
 from needlefem.scene import Scene, Stage, vary
 
 IN_AND_OUT = (Stage(to=0.025), Stage(hold=1.0, release="seed"), Stage(to=-1e-3))

@@ -4,7 +4,8 @@ import pytest
 from needlefem.errors import CaseError, CheckFailedError
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
-from needlefem.planning.plan import checked, plan
+from needlefem.planning.making import checked
+from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import PlanStatus
 from needlefem.planning.studies.common import carry_out
@@ -25,7 +26,7 @@ def test_plan_comes_with_its_evidence(organ: Scene) -> None:
     assert all(check.passed for check in evidence.preflight)
     assert evidence.ledger.residual < 1e-10
     assert evidence.validity.folded_cells == 0
-    assert set(evidence.timings) == {"model", "preflight", "search", "evidence"}
+    assert set(evidence.timings) == {"model", "preflight", "search", "estimate", "evidence"}
     assert "dynamics" in evidence.skipped
 
 

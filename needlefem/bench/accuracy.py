@@ -1,0 +1,183 @@
+"""Error of a plan against seconds: elements, sizes, steps, kernels, couplings and regimes."""
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Vector
+from needlefem.bench.timing import median
+from needlefem.casefile.load import load_case
+from needlefem.checks.race import Point, front
+from needlefem.elements import CATALOGUE
+from needlefem.errors import CaseError
+from needlefem.insertion.nodesimulation import InTime
+from needlefem.output.verification.charts import Line, loglog
+from needlefem.planning.paper import paper_plan
+from needlefem.planning.plan import plan
+from needlefem.planning.reference import Exact
+from needlefem.planning.result import Plan, PlanStatus
+from needlefem.resolve import resolve, with_element
+from needlefem.scene import BoxMesh, Scene, vary
+from needlefem.table import Table
+
+ROUNDS = 3
+LONG = 2.0
+"""Seconds of processor time after which a plan is not repeated."""
+ENOUGH = 1e-4
+"""Error of the case's own discretisation at the most, m."""
+TWICE = 2.0
+"""By which another must be faster, and no less accurate, to beat it."""
+OWN = "the case's own"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Entrant:
+    """A way to plan: a family for the chart, a name in it, and what it does."""
+
+    family: str
+    name: str
+    go: Callable[[], Plan]
+
+
+def run(case: str) -> Table:
+    """Plan on many discretisations; measure each by the exact tissue and by its seconds."""
+    scene = load_case(case)
+    return race(scene, entrants(scene), Exact(scene, _target(scene)))
+
+
+def race(scene: Scene, entered: Sequence[Entrant], exact: Exact) -> Table:
+    """Return error against seconds of entrants, the first being the case's own."""
+    found = {entrant: _timed(entrant.go) for entrant in entered}
+    plans = [made for made, _ in found.values()]
+    errors = exact.errors(plans)
+    points = [
+        Point(entrant.name, place, made.level.model.ndofs, seconds, error)
+        for place, ((entrant, (made, seconds)), error) in enumerate(
+            zip(found.items(), errors, strict=True)
+        )
+    ]
+    best, own = front(points), points[0]
+    beaten = [
+        p.entrant for p in points if TWICE * p.seconds <= own.seconds and p.error <= own.error
+    ]
+    rows = [
+        [entrant.family, p.entrant, p.unknowns, 1e3 * p.error, _said(made), p.seconds,
+         p.seconds / own.seconds, str(made.status), "*" if p in best else ""]
+        for entrant, made, p in zip(entered, plans, points, strict=True)
+    ]  # fmt: skip
+    verdict = "; ".join(beaten) or "none"
+    point = ", ".join(f"{100.0 * x:.6f}" for x in exact.release)
+    return Table(
+        title=f"{scene.title}: error of the placement against seconds of the whole plan",
+        columns=("", "discretisation", "dofs", "error (mm)", "estimate (mm)", "CPU (s)",
+                 "over own", "status", "front"),
+        rows=rows,
+        passed=own.error <= ENOUGH and not beaten,
+        note=f"exact: release at ({point}) cm on {exact.unknowns} unknowns; *: none is both faster "
+        f"and more accurate; twice as fast as the case's own and as accurate: {verdict}",
+        summary={"error": own.error, "beaten": len(beaten)},
+        charts={f"{scene.title}: error and seconds": _chart(entered, points, best)},
+    )  # fmt: skip
+
+
+def entrants(scene: Scene) -> list[Entrant]:
+    """Return the case's own discretisation, then all that are held against it."""
+    if not isinstance(scene.mesh, BoxMesh):
+        raise CaseError("mesh.file", "a mesh from a file has the sizes it has", "take a box")
+    found = [Entrant(resolve(scene).scene.discretisation.element, OWN, _planned(scene, {}))]
+    for name in CATALOGUE:
+        for label, changes in sizes(scene.mesh).items():
+            found.append(Entrant(name, f"{name}, {label}", _planned(scene, changes, name)))
+    for label, changes in steps(resolve(scene).scene).items():
+        found.append(Entrant("step, kernel, regime", label, _planned(scene, changes)))
+    for accuracy in (1e-4, 2e-5):
+        label = f"accuracy = {1e3 * accuracy:g} mm"
+        changes = {"planning.accuracy": accuracy}
+        found.append(Entrant("chosen", label, _planned(scene, changes)))
+    nodes = with_element(scene, "P1")
+    for spread in (False, True):
+        label = "conforming P1, " + ("as thick as ours" if spread else "forces on nodes")
+        found.append(Entrant("coupling", label, _conforming(nodes, InTime(spread=spread))))
+    return found
+
+
+def sizes(mesh: BoxMesh) -> dict[str, dict[str, Any]]:
+    """Return the changes to a mesh: coarser along the needle, as it is, finer elsewhere."""
+    coarse = {
+        "mesh.refine.corridor_size": 2.0 * mesh.refine.corridor_size,
+        "mesh.refine.contour_size": 2.0 * mesh.refine.contour_size,
+    }
+    finer = {"mesh.divisions": tuple(2 * n for n in mesh.divisions)}
+    return {
+        "needle and contour x 2": coarse,
+        "needle and contour x 2, elsewhere x 1/2": coarse | finer,
+        "as it is": {},
+        "elsewhere x 1/2": finer,
+    }
+
+
+def steps(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the changes to a resolved scene's path, kernel and regime."""
+    numbers = scene.discretisation
+    spacing, points = numbers.path_spacing, numbers.kernel_points
+    found: dict[str, dict[str, Any]] = {
+        f"path spacing x {factor:g}": {"discretisation.path_spacing": factor * spacing}
+        for factor in (2.0, 0.5)
+    }
+    for factor in (0.25, 4.0):
+        found[f"kernel points x {factor:g}"] = {
+            "discretisation.kernel_points": round(factor * points)
+        }
+    for regime in ("quasi-static", "generalised-alpha"):
+        found[regime] = {"discretisation.integrator": regime, "planning.estimate": False}
+    return found
+
+
+def _planned(
+    scene: Scene, changes: Mapping[str, Any], element: str | None = None
+) -> Callable[[], Plan]:
+    varied = vary(scene if element is None else with_element(scene, element), changes)
+    return lambda: plan(varied)
+
+
+def _conforming(scene: Scene, numbers: InTime) -> Callable[[], Plan]:
+    return lambda: paper_plan(scene, numbers).plan
+
+
+def _timed(go: Callable[[], Plan]) -> tuple[Plan, float]:
+    """Return a plan and the median of its seconds of processor time."""
+    seconds: list[float] = []
+    while len(seconds) < ROUNDS and sum(seconds) < LONG:
+        start = time.process_time()
+        made = go()
+        seconds.append(time.process_time() - start)
+    return made, median(seconds)
+
+
+def _target(scene: Scene) -> Vector:
+    if scene.target is None:
+        raise CaseError("target.point", "missing", "the benchmark plans for it")
+    return np.array(scene.target)
+
+
+def _said(made: Plan) -> object:
+    known = None if made.evidence is None else made.evidence.estimate
+    return "" if known is None or made.status is not PlanStatus.PLANNED else 1e3 * known.error
+
+
+def _chart(entered: Sequence[Entrant], points: Sequence[Point], best: set[Point]) -> str:
+    lines = []
+    for family in dict.fromkeys(entrant.family for entrant in entered):
+        own = [
+            p for e, p in zip(entered, points, strict=True)
+            if e.family == family and math.isfinite(p.error)
+        ]  # fmt: skip
+        own.sort(key=lambda p: p.seconds)
+        ringed = [place for place, p in enumerate(own) if p in best]
+        if own:
+            lines.append(Line(family, [p.seconds for p in own], [p.error for p in own], ringed))
+    return loglog("placement (ringed: beaten by none)", "CPU seconds", "error (m)", lines)

@@ -1,0 +1,62 @@
+"""Plan on finer and finer discretisations until the estimate is below the accuracy asked for."""
+
+import dataclasses
+
+from needlefem.insertion.simulation import Simulation, Watch
+from needlefem.planning.making import Made, Wanted, make
+from needlefem.planning.result import Attempt, Estimate, Plan, PlanStatus
+from needlefem.planning.sizes import Sizes, finer
+from needlefem.scene import Scene
+
+
+def make_accurate(
+    scene: Scene, wanted: Wanted, watch: Watch | None = None
+) -> tuple[Made, tuple[Attempt, ...]]:
+    """Return the first plan that is accurate enough, and all discretisations tried.
+
+    Each refines what the one before says matters, and starts at its height.
+
+    Raises
+    ------
+    CaseError
+        The mesh is from a file.
+    CheckFailedError
+        A discretisation fails a check.
+    """
+    accuracy, most = scene.planning.accuracy, scene.planning.max_unknowns
+    sizes, trail = Sizes.first(scene), list[Attempt]()
+    made = make(Simulation(sizes.scene(scene, wanted.target), watch=watch), wanted, path=True)
+    while made.plan.status is PlanStatus.PLANNED and made.estimate is not None:
+        error = made.estimate
+        trail.append(_attempt(made, sizes, error))
+        if error.error <= accuracy:
+            break
+        sizes = finer(sizes, scene, made.simulation, made.plan, accuracy / error.error)
+        wanted.clock.lap("estimate")
+        simulation = Simulation(sizes.scene(scene, wanted.target), watch=watch)
+        if len(simulation.model.free_dofs) > most:
+            made = dataclasses.replace(made, plan=_short(made.plan, error, accuracy, most))
+            break
+        made = make(simulation, wanted, made.plan.solution.height, path=True)
+    return made, tuple(trail)
+
+
+def _attempt(made: Made, sizes: Sizes, error: Estimate) -> Attempt:
+    return Attempt(
+        element=made.simulation.model.element.name,
+        corridor=sizes.corridor,
+        contour=sizes.contour,
+        bulk=sizes.bulk,
+        path=sizes.path,
+        unknowns=len(made.simulation.model.free_dofs),
+        insertions=made.plan.insertions,
+        error=error.error,
+    )
+
+
+def _short(plan: Plan, error: Estimate, accuracy: float, most: int) -> Plan:
+    sentence = (
+        f"{1e3 * accuracy:.3g} mm were asked for, {1e3 * error.error:.2g} mm are what can be had "
+        f"with {most:,} unknowns; ask for less, or allow more by planning.max_unknowns"
+    )
+    return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)

@@ -1,0 +1,107 @@
+"""A plan on one discretisation, which has passed its checks."""
+
+import dataclasses
+import time
+
+from needlefem.arrays import Floats, Vector
+from needlefem.checks.needle import needle_resolution, sticking_pieces
+from needlefem.checks.result import CheckResult
+from needlefem.checks.tissue import preflight
+from needlefem.errors import CheckFailedError
+from needlefem.insertion.simulation import Simulation
+from needlefem.planning.estimate import estimate
+from needlefem.planning.planner import Planner
+from needlefem.planning.result import Estimate, Plan
+
+
+class Clock:
+    """Seconds between laps; laps of one name add up."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """End a lap."""
+        now = time.perf_counter()
+        self.laps[name] = self.laps.get(name, 0.0) + now - self._last
+        self._last = now
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Wanted:
+    """What to plan for, and how.
+
+    Parameters
+    ----------
+    target : array, shape (dim,), m
+    search : str or None
+        See `needlefem.plan`.
+    all_solutions : bool
+    clock : Clock
+    """
+
+    target: Vector
+    search: str | None = None
+    all_solutions: bool = False
+    clock: Clock = dataclasses.field(default_factory=Clock)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Made:
+    """A plan, what it was made on, and the estimate of its error."""
+
+    simulation: Simulation
+    checks: tuple[CheckResult, ...]
+    plan: Plan
+    estimate: Estimate | None
+
+
+def make(
+    simulation: Simulation, wanted: Wanted, start: Floats | None = None, *, path: bool = False
+) -> Made:
+    """Check the discretisation, plan, and estimate what the discretisation does.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    wanted : Wanted
+    start : array, shape (dim - 1,), m, optional
+        Height to begin with.
+    path : bool
+        Whether the estimate is made whatever the scene says, and with the path's spacing in it.
+
+    Raises
+    ------
+    CheckFailedError
+        The discretisation fails a check.
+    """
+    clock = wanted.clock
+    if simulation.scene.motion.entry:
+        simulation.entry_of_case()  # a plan chooses its own, but the case's must be one
+    planner = Planner(simulation, wanted.target)
+    clock.lap("model")
+    checks = checked(simulation)
+    clock.lap("preflight")
+    found = planner.plan(wanted.search, all_solutions=wanted.all_solutions, start=start)
+    clock.lap("search")
+    error = None
+    if path or simulation.scene.planning.estimate:
+        error = estimate(simulation, found, path=path)
+        clock.lap("estimate")
+    return Made(simulation=simulation, checks=checks, plan=found, estimate=error)
+
+
+def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
+    """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
+    checks = [*preflight(simulation.model), needle_resolution(simulation)]
+    if simulation.steps:
+        checks.append(sticking_pieces(simulation))
+    failed = [check for check in checks if not check.passed]
+    if failed:
+        worst = failed[0]
+        raise CheckFailedError(
+            f"refused: check '{worst.name}' gives {worst.value:.3g}, at most {worst.bound:.3g} "
+            f"is allowed ({worst.requirement}); repair the mesh or choose another element"
+        )
+    return tuple(checks)
