@@ -93,8 +93,8 @@ def _chart(found: Sequence[Measured]) -> str:
     unknowns = [float(one.unknowns) for one in found]
     curves = {
         "factor": [one.factor for one in found],
-        "responses and plan, cold": [one.responses_and_plan for one in found],
-        "insertion, responses known": [one.insertion for one in found],
+        "responses and plan": [one.responses_and_plan for one in found],
+        "insertion": [one.insertion for one in found],
     }
     lines = [Line(name, unknowns, values, []) for name, values in curves.items()]
     return loglog("a plan as the mesh grows around the corridor", "unknowns", "seconds", lines)
