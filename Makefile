@@ -43,6 +43,7 @@ install: $(VENV)/installed
 $(VENV)/installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV) || { $(APT) update && $(APT) install -y python3-venv && $(PYTHON) -m venv --clear $(VENV); }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[all]"
+	$(BIN)/python -m compileall -q needlefem
 	$(DRAWS) 2>/dev/null || { $(APT) update && $(APT) install -y --no-install-recommends $(DEBIAN) && $(DRAWS); }
 	@touch $@
 
@@ -134,9 +135,12 @@ tables: install
 
 bench: install
 	$(BIN)/needlefem bench render $(PAPER)
-	$(BIN)/needlefem bench process $(PAPER)
+	$(BIN)/needlefem bench imports $(PAPER)
 	$(BIN)/needlefem bench plan $(PAPER)
 	$(BIN)/needlefem bench plan $(RESOLVED)
+	$(BIN)/needlefem bench insertion $(PAPER) --out $(OUT)/bench
+	$(BIN)/needlefem bench scaling $(RESOLVED) --out $(OUT)/bench
+	$(BIN)/needlefem bench skips $(PAPER)
 	$(BIN)/needlefem bench solvers $(RESOLVED)
 	$(BIN)/needlefem bench tissue $(RESOLVED)
 	$(BIN)/needlefem bench stepping $(PAPER)

@@ -8,6 +8,9 @@ import numpy as np
 from needlefem.arrays import Bools, Floats, Ints, Points
 from needlefem.errors import CaseError
 
+PAIRS = 200_000
+"""Pairs of edges that are looked at at once."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Contour:
@@ -44,12 +47,14 @@ class Contour:
     def contains(self, points: Points) -> Bools:
         """Say which points, shape (n, 2), lie inside (even-odd rule)."""
         start, end = self._edges
-        x, y = points[:, 0, None], points[:, 1, None]
+        near = np.all((points >= start.min(axis=0)) & (points <= start.max(axis=0)), axis=1)
+        found = np.zeros(len(points), dtype=bool)
+        x, y = points[near, 0, None], points[near, 1, None]
         straddles = (start[:, 1] > y) != (end[:, 1] > y)
         run = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
         at = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / run
-        inside: Bools = np.count_nonzero(straddles & (x < at), axis=1) % 2 == 1
-        return inside
+        found[near] = np.count_nonzero(straddles & (x < at), axis=1) % 2 == 1
+        return found
 
     def project(self, points: Points) -> Points:
         """Return the nearest point of the polygon's line for every point, shape (n, 2)."""
@@ -90,12 +95,14 @@ class Contour:
         """Return a pair of edges (their numbers) that cross or touch, or None."""
         start, end = self._edges
         n = len(start)
-        for i in range(n - 1):
-            others = np.arange(i + 1, n)
-            met = _segments_meet(start[i], end[i], start[others], end[others])
-            adjacent = (others == i + 1) | ((i == 0) & (others == n - 1))
-            if np.any(met & ~adjacent):
-                return i, int(others[np.flatnonzero(met & ~adjacent)[0]])
+        others = np.arange(n)
+        for first in range(0, n, PAIRS // n + 1):  # as many at once as memory is cheap for
+            edges = np.arange(first, min(first + PAIRS // n + 1, n))[:, None]
+            met = _segments_meet(start[edges], end[edges], start[None], end[None])
+            met &= (others > edges + 1) & ~((edges == 0) & (others == n - 1))
+            if np.any(met):
+                row, other = np.argwhere(met)[0]
+                return int(edges[row, 0]), int(other)
         return None
 
     def check(self, key: str) -> None:
@@ -118,6 +125,6 @@ def _segments_meet(a: Floats, b: Floats, c: Points, d: Points) -> Bools:
     two = _orientation(c, d, a) * _orientation(c, d, b)
     touching: Bools = (one <= 0) & (two <= 0)
     lo, hi = np.minimum(a, b), np.maximum(a, b)
-    apart = np.any((np.minimum(c, d) > hi) | (np.maximum(c, d) < lo), axis=1)
+    apart = np.any((np.minimum(c, d) > hi) | (np.maximum(c, d) < lo), axis=-1)
     meeting: Bools = touching & ~apart
     return meeting

@@ -149,6 +149,9 @@ def _skips(scene: Scene) -> dict[str, str]:
         "retraction": "elastic tissue and the first seed: it comes to rest where it was released",
         "mass_and_damping": "not used by a quasi-static insertion",
         "full_fields": "recovered only for the states that are checked, drawn or written",
+        "pictures": "nothing is imported for them before they are asked for",
+        "further_insertions": "a search ends where the target is met to its tolerance",
+        "repetition": "all insertions share assembly, factorisation and responses",
     }
     if not scene.planning.estimate:
         found["estimate"] = "what the discretisation does to a placement: not asked for"

@@ -8,11 +8,15 @@ from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_mesh, build_model
 from needlefem.insertion.simulation import Simulation
+from needlefem.planning.paper import own_plan, paper_plan
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.table import Table
 
-ROUNDS = 7
+ROUNDS, PAPER_ROUNDS = 7, 3
+MOST, LEAST = 3000.0, 20.0
+"""Back-substitutions that a plan at the size of the paper may take, model included, and how many
+times as long the paper's method must take."""
 
 
 def run(case: str) -> Table:
@@ -33,12 +37,33 @@ def run(case: str) -> Table:
         "preflight": lambda: preflight(model),
         "insertion, responses known": lambda: ready.insert(entry),
         "plan, responses known": lambda: Planner(ready, target).plan(),
+        "plan, model included": lambda: Planner(Simulation(scene), target).plan(),
         "plan with evidence, from the scene": lambda: plan(scene),
     }
-    middle = {name: median(values) for name, values in in_turn(stages, ROUNDS).items()}
-    unit = middle["back-substitution"]
+    seconds = in_turn(stages, ROUNDS)
+    middle = {name: median(values) for name, values in seconds.items()}
+    unit, ours = middle["back-substitution"], middle["plan, model included"]
+    notes, passed = [], True
+    if (ready.scene.discretisation.element, ready.model.dim) == ("P1", 2):
+        passed = ours <= MOST * unit
+        notes.append(f"a plan may take {MOST:g} back-substitutions, model included")
+        paper = [paper_plan(scene).seconds for _ in range(PAPER_ROUNDS)]
+        own = [own_plan(scene).seconds for _ in range(PAPER_ROUNDS)]
+        ratio = median(paper) / median(own)
+        passed &= ratio >= LEAST
+        notes.append(
+            f"the paper's method takes {ratio:.1f} times as long ({median(paper):.2f} s of "
+            f"processor time against {median(own):.3f} s, medians of {PAPER_ROUNDS}; at least "
+            f"{LEAST:g})"
+        )
     return Table(
         title=f"{scene.title}: {model.ndofs} dofs, medians of {ROUNDS} rounds",
-        columns=("stage", "ms", "back-substitutions"),
-        rows=[[name, 1e3 * seconds, round(seconds / unit)] for name, seconds in middle.items()],
-    )
+        columns=("stage", "ms", "least", "most", "back-substitutions"),
+        rows=[
+            [name, 1e3 * value, 1e3 * min(seconds[name]), 1e3 * max(seconds[name]),
+             round(value / unit)]
+            for name, value in middle.items()
+        ],
+        passed=passed,
+        note="; ".join(notes),
+    )  # fmt: skip

@@ -1,6 +1,7 @@
 """What an animation costs beside the bare PyVista loop that renders the same frames."""
 
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -93,6 +94,7 @@ def _times(insertion: Insertion, shot: Shot, file: Path) -> tuple[float, float]:
             "bare": lambda: save_moving(bare.frames(), file, RATE),
         },
         ROUNDS,
+        time.perf_counter,
     )
     bare.close()
     return median(seconds["ours"]), median(seconds["bare"])

@@ -1,5 +1,6 @@
 """Timing that survives a noisy machine: rounds in turn, medians, spread."""
 
+import resource
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -9,15 +10,41 @@ LONG = 1.0
 Timed = Mapping[str, Callable[[], object]]
 
 
-def in_turn(tasks: Timed, rounds: int) -> dict[str, list[float]]:
-    """Run all tasks round by round and return their seconds; one round before is not counted."""
+def in_turn(
+    tasks: Timed, rounds: int, clock: Callable[[], float] = time.process_time
+) -> dict[str, list[float]]:
+    """Run all tasks round by round and return their seconds; one round before is not counted.
+
+    Of processor time, which others on the machine disturb least, unless another clock is given.
+    """
     seconds: dict[str, list[float]] = {name: [] for name in tasks}
     for number in range(rounds + 1):
         for name, task in tasks.items():
-            start = time.perf_counter()
+            start = clock()
             task()
             if number:
-                seconds[name].append(time.perf_counter() - start)
+                seconds[name].append(clock() - start)
+    return seconds
+
+
+def processor_seconds(task: Callable[[], object], rounds: int) -> list[float]:
+    """Run a task some rounds, one before that is not counted, and return its processor time."""
+    seconds: list[float] = []
+    for _ in range(rounds + 1):
+        start = time.process_time()
+        task()
+        seconds.append(time.process_time() - start)
+    return seconds[1:]
+
+
+def children_seconds(task: Callable[[], object], rounds: int) -> list[float]:
+    """Run a task some rounds and return the processor time of the processes that it waits for."""
+    seconds: list[float] = []
+    for _ in range(rounds):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        task()
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
     return seconds
 
 

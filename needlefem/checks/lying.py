@@ -97,7 +97,7 @@ def _path(model: Model, ends: tuple[Vector, Vector], pieces: int, thickness: flo
     direction = (end - start) / np.linalg.norm(end - start)
     instrument = Instrument(
         axis=Axis(start, direction),
-        kernel=PointKernel(),
+        kernel=PointKernel(model.dim),
         interpolation=model.interpolation,
         cutting_force=np.zeros(model.nnodes),
         shaft_friction=np.zeros(model.nnodes),

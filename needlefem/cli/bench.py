@@ -6,6 +6,7 @@ from pathlib import Path
 from needlefem.bench import BENCHMARKS, benchmark
 from needlefem.cli.common import say, say_json
 from needlefem.output.files import write_json, write_text
+from needlefem.output.info import machine
 from needlefem.output.verification.page import chart_page
 
 
@@ -16,7 +17,7 @@ def main(options: argparse.Namespace) -> int:
             say(f"{name:14s}{sentence}")
         return 0
     table = benchmark(options.benchmark)(options.case)
-    record = {"benchmark": options.benchmark, **table.record()}
+    record = {"benchmark": options.benchmark, **table.record(), "machine": machine()}
     if options.json:
         say_json(record)
     else:

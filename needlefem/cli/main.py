@@ -33,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # the dense products here are small: threads only cost; must be set before numpy is imported
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    options = parser_of().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parser_of(given).parse_args(given)
     try:
         if options.allow_code:
             import_module("needlefem.foreign").allow()
@@ -49,13 +50,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 3
 
 
-def parser_of() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def parser_of(given: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Return the parser of all commands; with arguments, the options of their command alone."""
     parser = argparse.ArgumentParser(prog="needlefem", description=__doc__.splitlines()[0])
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, sentence in COMMANDS.items():
         sub = commands.add_parser(name, help=sentence, description=sentence)
+        if given and given[0] in COMMANDS and given[0] != name:
+            continue
         sub.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
         sub.add_argument("--debug", action="store_true", help="show a traceback with an error")
         sub.add_argument(

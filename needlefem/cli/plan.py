@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli import planpaper
 from needlefem.cli.common import centimetres, progress, say, say_json, warn
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
@@ -19,6 +18,8 @@ from needlefem.scene import Scene
 def main(options: argparse.Namespace) -> int:
     """Plan, print, write; return the exit status."""
     if options.method == "paper":
+        from needlefem.cli import planpaper  # noqa: PLC0415
+
         return planpaper.main(options)
     scene = load_case(options.case, options.overrides)
     with progress("planning") as watch:

@@ -83,7 +83,7 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
         "validity": vars(strains),
         "timings": {},
         "skipped": simulation.resolved.skipped,
-        "reasons": simulation.resolved.reasons,
+        "reasons": simulation.reasons,
         "warnings": warnings,
     }
 

@@ -1,5 +1,6 @@
 """From a cell to its reference cell and back, and what its corners say of it."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -8,9 +9,16 @@ from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.errors import CaseError
 from needlefem.fem.shapes import ShapeTable
 
+Inverse = Callable[[Points], Points]
+"""Takes one point a cell, shape (n, dim), m; returns them in the reference cell."""
+
 
 class CellMap(Protocol):
     """The map between cells of a mesh and the reference cell."""
+
+    def inverse(self, cells: Ints) -> Inverse:
+        """Return the maps of cells to the reference cell, one for every point."""
+        ...
 
     def invert(self, cells: Ints, points: Points) -> Points:
         """Return reference points, shape (n, dim), of points in given cells."""
@@ -48,15 +56,30 @@ class AffineMap:
         self._forward = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2).copy()
         self._inverse = np.linalg.inv(self._forward)
 
+    def inverse(self, cells: Ints) -> Inverse:
+        """See `CellMap`."""
+        inverse, base = self._inverse[cells], self._base[cells]
+
+        def invert(points: Points) -> Points:
+            local: Points = np.einsum("nij,nj->ni", inverse, points - base)
+            return local
+
+        return invert
+
     def invert(self, cells: Ints, points: Points) -> Points:
         """See `CellMap`."""
-        local: Points = np.einsum("nij,nj->ni", self._inverse[cells], points - self._base[cells])
-        return local
+        return self.inverse(cells)(points)
 
     def depth(self, local: Points) -> Floats:
         """See `CellMap`."""
-        least: Floats = np.minimum(local.min(axis=1, initial=np.inf), 1.0 - local.sum(axis=1))
-        return least
+        least = total = local[:, 0]
+        for axis in range(
+            1, local.shape[1]
+        ):  # columns one by one: reductions of short rows are slow
+            least = np.minimum(least, local[:, axis])
+            total = total + local[:, axis]
+        found: Floats = np.minimum(least, 1.0 - total)
+        return found
 
 
 class BilinearMap:
@@ -70,28 +93,35 @@ class BilinearMap:
         self._a, self._b, self._c = first, second - first, fourth - first
         self._d = third - second - fourth + first
 
-    def invert(self, cells: Ints, points: Points) -> Points:
+    def inverse(self, cells: Ints) -> Inverse:
         """See `CellMap`; far outside its cell a point may have none: NaN."""
-        b, c, d = self._b[cells], self._c[cells], self._d[cells]
-        apart = points - self._a[cells]
-        square, one, zero = -_cross(c, d), _cross(apart, d) - _cross(c, b), _cross(apart, b)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            root = np.sqrt(one**2 - 4.0 * square * zero)
-            eta = -2.0 * zero / (one + np.copysign(root, one))
-            along = b + eta[:, None] * d
-            xi = _dot(apart - eta[:, None] * c, along) / _dot(along, along)
-            # one step of Newton's method takes the round-off of a small square term away
-            miss = apart - xi[:, None] * along - eta[:, None] * c
-            across = c + xi[:, None] * d
-            jacobian = _cross(along, across)
-            xi = xi + _cross(miss, across) / jacobian
-            eta = eta + _cross(along, miss) / jacobian
-        return np.stack([xi, eta], axis=1)
+        a, b, c, d = self._a[cells], self._b[cells], self._c[cells], self._d[cells]
+        return lambda points: _bilinear_inverse(b, c, d, points - a)
+
+    def invert(self, cells: Ints, points: Points) -> Points:
+        """See `CellMap` and `inverse`."""
+        return self.inverse(cells)(points)
 
     def depth(self, local: Points) -> Floats:
         """See `CellMap`."""
         least: Floats = np.minimum(local, 1.0 - local).min(axis=1, initial=np.inf)
         return np.where(np.isnan(least), -np.inf, least)
+
+
+def _bilinear_inverse(b: Points, c: Points, d: Points, apart: Points) -> Points:
+    square, one, zero = -_cross(c, d), _cross(apart, d) - _cross(c, b), _cross(apart, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.sqrt(one**2 - 4.0 * square * zero)
+        eta = -2.0 * zero / (one + np.copysign(root, one))
+        along = b + eta[:, None] * d
+        xi = _dot(apart - eta[:, None] * c, along) / _dot(along, along)
+        # one step of Newton's method takes the round-off of a small square term away
+        miss = apart - xi[:, None] * along - eta[:, None] * c
+        across = c + xi[:, None] * d
+        jacobian = _cross(along, across)
+        xi = xi + _cross(miss, across) / jacobian
+        eta = eta + _cross(along, miss) / jacobian
+    return np.stack([xi, eta], axis=1)
 
 
 def _cross(u: Points, v: Points) -> Floats:

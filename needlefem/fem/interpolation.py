@@ -6,6 +6,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.elements import ElementRow
+from needlefem.fem.cellmap import Inverse
 from needlefem.fem.locate import Locator
 from needlefem.fem.shapes import ShapeTable
 
@@ -50,7 +51,7 @@ class Interpolation:
 
     def __init__(self, mesh: SkfemMesh, element: ElementRow, cell_nodes: Ints) -> None:
         self.locator = Locator(mesh)
-        self._shape = ShapeTable(element.make())
+        self.shape = ShapeTable(element.make())
         self._cell_nodes = cell_nodes
 
     def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> Weights:
@@ -79,13 +80,105 @@ class Interpolation:
         total = np.bincount(row, weights, minlength=nrows)
         if total.min() <= 0.0:
             raise OutsideError
-        values = self._shape(reference) * (weights / total[row])[:, None]
-        nodes, position = np.unique(self._cell_nodes[cells], return_inverse=True)
-        slot = row[:, None] * len(nodes) + position.reshape(values.shape)
-        rows = np.bincount(slot.ravel(), values.ravel(), nrows * len(nodes)).astype(float)
-        return Weights(nodes, rows.reshape(nrows, len(nodes)))
+        values = self.shape(reference) * (weights / total[row])[:, None]
+        nodes, slot = self.slots(cells, row)
+        return Weights(nodes, gathered(slot, values, (nrows, len(nodes))))
+
+    def nodes_of(self, cells: Ints) -> Ints:
+        """Return the nodes of cells, shape (n, nodes a cell)."""
+        found: Ints = self._cell_nodes[cells]
+        return found
+
+    def slots(self, cells: Ints, row: Ints) -> tuple[Ints, Ints]:
+        """Return the nodes of cells, and where points in them add to rows over these nodes.
+
+        Row by row and node by node, shape (n nodes a cell,).
+        """
+        own = self.nodes_of(cells)
+        nodes, position = np.unique(own, return_inverse=True)
+        slot: Ints = (row[:, None] * len(nodes) + position.reshape(own.shape)).ravel()
+        return nodes, slot
 
     def at(self, points: Points) -> Weights:
         """Return the functionals 'value at each point'; see `means`."""
         n = len(points)
         return self.means(points, np.ones(n), np.arange(n), n)
+
+
+class Follower:
+    """Means over points that move little from one call to the next.
+
+    Most stay in their cells: these are remembered, and only what leaves its cell is looked for.
+
+    Parameters
+    ----------
+    interpolation : Interpolation
+    row : array, shape (n,)
+        The functional to which each point belongs.
+    nrows : int
+        How many functionals there are.
+    """
+
+    def __init__(self, interpolation: Interpolation, row: Ints, nrows: int) -> None:
+        self._interpolation, self._row, self._nrows = interpolation, row, nrows
+        self._cells: Ints = np.full(len(row), -1)
+        self._nodes: Ints
+        self._slot: Ints
+        self._inverse: Inverse
+
+    def means(self, points: Points, weights: Floats) -> Weights:
+        """Return weighted means of a field; the same `nodes` object while all cells are the same.
+
+        Parameters
+        ----------
+        points : array, shape (n, dim), m
+        weights : array, shape (n,)
+            Those of every functional sum to 1, unless points lie outside (see `Interpolation`).
+
+        Raises
+        ------
+        OutsideError
+            A functional has no point inside the tissue.
+        """
+        local = self._follow(points)
+        if local is None:
+            return self._interpolation.means(points, weights, self._row, self._nrows)
+        values = self._interpolation.shape(local) * weights[:, None]
+        return Weights(self._nodes, gathered(self._slot, values, (self._nrows, len(self._nodes))))
+
+    def _follow(self, points: Points) -> Points | None:
+        """Return the points in their reference cells; None: some are outside the tissue."""
+        locator = self._interpolation.locator
+        known = self._cells[0] >= 0
+        local = self._inverse(points) if known else points
+        gone = (locator.map.depth(local) < 0.0).nonzero()[0] if known else np.arange(len(points))
+        if gone.size:
+            found, _ = locator.find(points[gone])
+            if found.min() < 0:
+                self._cells[0] = -1
+                return None
+            if not known or np.any(found != self._cells[gone]):
+                self._cells[gone] = found
+                self._inverse = locator.map.inverse(self._cells)
+                if known:
+                    self._slot_again()
+                else:
+                    self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
+                local = self._inverse(points)
+        return local
+
+    def _slot_again(self) -> None:
+        """Find the slots over the same nodes, if the cells that are new have no others."""
+        own = self._interpolation.nodes_of(self._cells)
+        last = len(self._nodes) - 1
+        place = np.minimum(np.searchsorted(self._nodes, own), last)
+        if (self._nodes[place] == own).all():
+            self._slot = (self._row[:, None] * (last + 1) + place).ravel()
+        else:
+            self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
+
+
+def gathered(slot: Ints, values: Floats, shape: tuple[int, int]) -> Floats:
+    """Return values added up by slot, as an array of a shape."""
+    rows: Floats = np.bincount(slot, values.ravel(), shape[0] * shape[1]).astype(float, copy=False)
+    return rows.reshape(shape)

@@ -10,11 +10,13 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats, Ints
+from needlefem.fem.columns import Columns, Corridor, WholeColumns
 from needlefem.fem.factor import Factor
 from needlefem.fem.model import Model
 
-BLOCK = 64
-"""Right-hand sides solved at once: larger blocks gain nothing and cost memory."""
+ALL = slice(None)
+AHEAD = 2.0
+"""Way ahead of a needle that is solved for at once, over its corridor's half-width."""
 
 
 class Response(Protocol):
@@ -24,8 +26,8 @@ class Response(Protocol):
         """Return it on rows, shape (nrows, nloads), m."""
         ...
 
-    def after(self, start: int) -> Floats:
-        """Return it on all rows from `start` on, shape (size - start, nloads), m."""
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        """Return it for some loads on all rows from `start` on, shape (size - start, nsome), m."""
         ...
 
 
@@ -36,12 +38,17 @@ class Responses(Protocol):
     ----------
     size : int
         Number of rows known; it may grow, and rows never change their numbers.
-    solves : int
-        Right-hand sides solved so far.
+    way : str
+        How they are computed.
     """
 
     size: int
-    solves: int
+    way: str
+
+    @property
+    def solves(self) -> int:
+        """Right-hand sides solved with the whole factor so far."""
+        ...
 
     def rows(self, nodes: Ints) -> Ints:
         """Return the rows of nodes, node-major, shape (len(nodes) dim,)."""
@@ -74,16 +81,38 @@ class SharedResponses:
         The tissue.
     factor : Factor, optional
         Factorisation of the operator A on the free dofs; that of K when left out.
+    columns : Columns, optional
+        Where columns of A^-1 come from, if not from the factor.
+    corridor : Corridor, optional
+        Where needles go: what lies ahead of them is solved for in blocks.
     """
 
-    def __init__(self, model: Model, factor: Factor | None = None) -> None:
-        self._factor = factor if factor is not None else model.factor
+    def __init__(
+        self,
+        model: Model,
+        factor: Factor | None = None,
+        columns: Columns | None = None,
+        corridor: Corridor | None = None,
+    ) -> None:
+        if columns is None:
+            columns = WholeColumns(factor or model.factor, len(model.free_dofs))
+        self._columns, self._dim = columns, model.dim
+        self._ahead = 0.0 if corridor is None else AHEAD * corridor.halfwidth
+        self._places: Floats = model.nodes if corridor is None else corridor.places(model.nodes)
+        self.way = columns.way
         self._equations = _Equations(model)
-        self._unknowns, self._dim = len(model.free_dofs), model.dim
         self._slot: Ints = np.full(model.nnodes, -1)
         self._nodes: Ints = np.zeros(0, dtype=np.intp)
         self._store = np.zeros((0, 0))
-        self.size = self.solves = 0
+        self.size = 0
+        # needles ask again and again for what is around their tip
+        self._asked = self._rows = self._among = self._nodes
+        self._block = self._store
+
+    @property
+    def solves(self) -> int:
+        """See `Responses`."""
+        return self._columns.solves
 
     @property
     def compliance(self) -> Floats:
@@ -95,16 +124,34 @@ class SharedResponses:
 
     def rows(self, nodes: Ints) -> Ints:
         """See `Responses`; nodes not touched before are solved for."""
-        slots = self._slot[nodes]
-        if slots.min(initial=0) < 0:
-            self._touch(nodes[slots < 0])
+        if nodes is not self._asked:
             slots = self._slot[nodes]
-        rows: Ints = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
-        return rows
+            if slots.min(initial=0) < 0:
+                self._touch(self._foreseen(nodes))
+                slots = self._slot[nodes]
+            self._asked = nodes
+            self._rows = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
+        return self._rows
+
+    def among(self, rows: Ints) -> Floats:
+        """Return the compliance among rows, shape (len(rows), len(rows)), m/N."""
+        if rows is not self._among:
+            self._among, self._block = rows, self.compliance[rows[:, None], rows]
+        return self._block
 
     def respond(self, rows: Ints, loads: Floats) -> Response:
         """See `Responses`."""
         return _SharedResponse(self, rows, loads)
+
+    def _foreseen(self, nodes: Ints) -> Ints:
+        """Return what is new of some nodes, and of those that lie ahead of them."""
+        if not self._ahead:
+            return nodes[self._slot[nodes] < 0]
+        near = self._places[nodes]
+        low, high = near.min(axis=0), near.max(axis=0)
+        high[0] += self._ahead
+        wanted = np.all((self._places >= low) & (self._places <= high), axis=1)
+        return np.flatnonzero(wanted & (self._slot < 0))
 
     def _touch(self, new: Ints) -> None:
         before = self.size
@@ -113,12 +160,9 @@ class SharedResponses:
         self.size = len(self._nodes) * self._dim
         self._reserve()
         known = self._equations.of(self._nodes)
-        equations = known[before:]
-        for start in range(0, len(equations), BLOCK):
-            some = slice(start, min(start + BLOCK, len(equations)))
-            columns = self._columns(equations[some])[known]
-            columns[known < 0] = 0.0
-            self._store[: self.size, before + some.start : before + some.stop] = columns
+        rows = np.flatnonzero(known >= 0)
+        columns = rows[np.searchsorted(rows, before) :]
+        self._store[rows[:, None], columns] = self._columns.between(known[rows], known[columns])
         fresh = self._store[before : self.size, before : self.size]
         fresh[:] = 0.5 * (fresh + fresh.T)
         self._store[before : self.size, :before] = self._store[:before, before : self.size].T
@@ -129,33 +173,39 @@ class SharedResponses:
             self._store = np.zeros((int(1.5 * self.size), int(1.5 * self.size)))
             self._store[: len(old), : len(old)] = old
 
-    def _columns(self, equations: Ints) -> Floats:
-        rhs = np.zeros((self._unknowns, len(equations)), order="F")
-        free = np.flatnonzero(equations >= 0)
-        rhs[equations[free], free] = 1.0
-        self.solves += len(free)
-        return self._factor.solve(rhs)
-
 
 class _SharedResponse:
     def __init__(self, shared: SharedResponses, rows: Ints, loads: Floats) -> None:
         self._shared, self._rows, self._loads = shared, rows, loads
 
     def at(self, rows: Ints) -> Floats:
-        return self._shared.compliance[np.ix_(rows, self._rows)] @ self._loads.T
+        if rows is self._rows:
+            return self._shared.among(rows) @ self._loads.T
+        return self._shared.compliance[rows[:, None], self._rows] @ self._loads.T
 
-    def after(self, start: int) -> Floats:
-        return self._shared.compliance[start:, self._rows] @ self._loads.T
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        loads = self._loads[some]
+        used = np.flatnonzero(np.any(loads, axis=0))
+        # by symmetry rows are read, which lie in memory one after the other
+        found: Floats = loads[:, used] @ self._shared.compliance[self._rows[used], start:]
+        return found.T
 
 
 class DirectResponses:
     """One back-substitution a load, on all equations; parameters as for `SharedResponses`."""
 
+    way = "one back-substitution a load"
+
     def __init__(self, model: Model, factor: Factor | None = None) -> None:
         self._factor = factor if factor is not None else model.factor
         self._equations = _Equations(model)
         self.size = len(model.free_dofs) + 1  # the last row stands for all held dofs
-        self.solves = 0
+        self._solved = 0
+
+    @property
+    def solves(self) -> int:
+        """See `Responses`."""
+        return self._solved
 
     def rows(self, nodes: Ints) -> Ints:
         """See `Responses`."""
@@ -167,7 +217,7 @@ class DirectResponses:
         rhs[rows] = loads.T
         rhs[-1] = 0.0
         rhs[:-1] = self._factor.solve(rhs[:-1])
-        self.solves += len(loads)
+        self._solved += len(loads)
         return _DirectResponse(rhs)
 
 
@@ -179,5 +229,5 @@ class _DirectResponse:
         found: Floats = self._field[rows]
         return found
 
-    def after(self, start: int) -> Floats:
-        return self._field[start:]
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        return self._field[start:, some]

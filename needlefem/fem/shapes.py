@@ -25,16 +25,24 @@ class ShapeTable:
     def __init__(self, element: Any) -> None:
         dim, degree = element.doflocs.shape[1], element.maxdeg
         powers = [p for p in product(range(degree + 1), repeat=dim) if sum(p) <= degree]
-        self._powers = sorted(powers, key=sum)
+        self._set_powers(sorted(powers, key=sum))
         ticks = (np.arange(degree + 1) + 0.5) / (degree + 2)
         samples = np.array(list(product(ticks, repeat=dim)))
         count = len(element.doflocs)
         values = np.stack([element.lbasis(samples.T, i)[0] for i in range(count)], axis=1)
         coefficients = _fitted(self._monomials(samples), values)
         used = self._needed(np.flatnonzero(np.any(coefficients, axis=1)))
-        self._powers = [self._powers[i] for i in used]
+        self._set_powers([self._powers[i] for i in used])
         self._coefficients: Floats = _fitted(self._monomials(samples), values)
         self._slopes = [self._derivative(axis) @ self._coefficients for axis in range(dim)]
+
+    def _set_powers(self, powers: list[tuple[int, ...]]) -> None:
+        """Keep the monomials: each but the first is one before it times a coordinate."""
+        self._powers, self._factors = powers, []
+        for power in powers[1:]:
+            axis = next(i for i, p in enumerate(power) if p)
+            lower = tuple(p - (i == axis) for i, p in enumerate(power))
+            self._factors.append((powers.index(lower), axis))
 
     def _needed(self, used: Any) -> list[int]:
         """Return the monomials used and all that they are products of."""
@@ -55,14 +63,10 @@ class ShapeTable:
         return matrix
 
     def _monomials(self, points: Points) -> Floats:
-        columns = [np.ones(len(points))]
-        known = {self._powers[0]: columns[0]}
-        for power in self._powers[1:]:
-            axis = next(i for i, p in enumerate(power) if p)
-            lower = tuple(p - (i == axis) for i, p in enumerate(power))
-            known[power] = known[lower] * points[:, axis]
-            columns.append(known[power])
-        return np.stack(columns, axis=1)
+        columns = np.ones((len(self._factors) + 1, len(points)))
+        for number, (lower, axis) in enumerate(self._factors, start=1):
+            np.multiply(columns[lower], points[:, axis], out=columns[number])
+        return columns.T
 
     def __call__(self, reference: Points) -> Floats:
         """Return all shape functions at reference points (n, dim), shape (n, nodes)."""

@@ -222,6 +222,7 @@ class _MixedFactor:
 
     def __init__(self, factor: Factor, displacements: int, pressures: int, scale: float) -> None:
         self._factor, self._n, self._m, self._scale = factor, displacements, pressures, scale
+        self.name = f"{factor.name}, pivots off the diagonal"
 
     def solve(self, rhs: Floats) -> Floats:
         return self.solve_both(rhs, np.zeros((self._m, *rhs.shape[1:])))[0]

@@ -8,6 +8,7 @@ import dataclasses
 import itertools
 from collections import deque
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +19,13 @@ from needlefem.insertion.media import ElasticMedium, Medium
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.schedule import legs, ticks
 from needlefem.insertion.state import State
-from needlefem.insertion.stepping import Stepping
 from needlefem.needle.friction import Friction
 from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Motion, Scene
+
+if TYPE_CHECKING:  # a march does without time steps
+    from needlefem.insertion.stepping import Stepping
 
 STEPS_A_PIECE = 2.0
 """Steps in which the needle travels the length of a piece of its path, or that over which
@@ -120,6 +123,8 @@ class Course:
             yield dataclasses.replace(state, time=state.depth / speed)
 
     def _stepped(self) -> Iterator[State]:
+        from needlefem.insertion.stepping import Stepping  # noqa: PLC0415
+
         friction = friction_of(self.scene)
         stepping = Stepping(self.instrument, self.medium, self.model, friction)
         self.stepping = stepping

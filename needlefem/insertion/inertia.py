@@ -64,6 +64,7 @@ class _Scaled:
 
     def __init__(self, stepper: ImplicitStepper) -> None:
         self._factor, self._share = stepper.factor, 1.0 - stepper.weights.force
+        self.name = stepper.factor.name
 
     def solve(self, rhs: Floats) -> Floats:
         return self._factor.solve(rhs if self._share == 1.0 else self._share * rhs)

@@ -37,8 +37,9 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     force = loads(insertion, numbers)
     moved = insertion.model.solve(force)
     energy = insertion.model.stiffness.energy(moved)
+    along = _axial(insertion, moved)
     steps = [
-        _Step(insertion, number, moved[:, number : number + 2])
+        _Step(insertion, number, moved[:, number : number + 2], along[:, number : number + 2])
         for number in range(len(insertion.states) - 1)
     ]
     work = float(sum(step.work for step in steps))
@@ -59,11 +60,26 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
 def released(insertion: Insertion, snap: Snap) -> float:
     """Return the energy that a snap of a march set free, J (J/m in 2D)."""
     moved = displacements(insertion, range(snap.first, snap.last + 1))
+    along = np.zeros((0, moved.shape[1]))  # of the tip's work alone
     steps = [
-        _Step(insertion, number, moved[:, number - snap.first : number - snap.first + 2])
-        for number in range(snap.first, snap.last)
+        _Step(insertion, snap.first + n, moved[:, n : n + 2], along[:, n : n + 2])
+        for n in range(snap.last - snap.first)
     ]
     return float(sum(step.tip(trapezoidal=False)[1] for step in steps))
+
+
+def _axial(insertion: Insertion, moved: Floats) -> Floats:
+    """Return the mean axial displacement of all pieces in all states, shape (npieces, nstates)."""
+    pieces, model = insertion.pieces, insertion.model
+    if not pieces:
+        return np.zeros((0, moved.shape[1]))
+    nodes, place = np.unique(np.concatenate([p.nodes for p in pieces]), return_inverse=True)
+    means = np.zeros((len(pieces), len(nodes)))
+    row = np.repeat(np.arange(len(pieces)), [len(p.nodes) for p in pieces])
+    means[row, place] = np.concatenate([p.weights for p in pieces])
+    dofs, direction = model.node_dofs[nodes], insertion.axis.direction
+    found: Floats = means @ sum(moved[dofs[:, i]] * direction[i] for i in range(model.dim))
+    return found
 
 
 def _hold(insertion: Insertion, state: State) -> float:
@@ -72,9 +88,13 @@ def _hold(insertion: Insertion, state: State) -> float:
 
 
 class _Step:
-    """One step between states `number` and `number + 1`."""
+    """One step between states `number` and `number + 1`.
 
-    def __init__(self, insertion: Insertion, number: int, moved: Floats) -> None:
+    `moved` are all dofs in both, `along` the pieces' axial displacements.
+    """
+
+    def __init__(self, insertion: Insertion, number: int, moved: Floats, along: Floats) -> None:
+        self._along = along
         self.insertion, model = insertion, insertion.model
         self.old, self.new = insertion.states[number], insertion.states[number + 1]
         self.fields = [model.nodal(moved[:, 0]), model.nodal(moved[:, 1])]
@@ -92,13 +112,11 @@ class _Step:
 
     def friction(self) -> float:
         """Mean traction times relative slip of all pieces."""
-        total = 0.0
-        before = np.zeros(len(self.new.axial))
-        before[: len(self.old.axial)] = self.old.axial
-        for number, pull in enumerate(0.5 * (before + self.new.axial)):
-            slip = self.travel - float(np.diff(self._moved(number)[:, 0])[0])
-            total += pull * slip
-        return total
+        count = len(self.new.axial)
+        pull = self.new.axial.copy()
+        pull[: len(self.old.axial)] += self.old.axial
+        slip = self.travel - np.diff(self._along[:count], axis=1)[:, 0]
+        return 0.5 * float(pull @ slip)
 
     def capture(self) -> float:
         """Work of the hold on the newest pieces, counted as spent (see the module)."""

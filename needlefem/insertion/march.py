@@ -159,7 +159,7 @@ class March:
                 tip_weights=weights.rows[0],
                 axial=self.contact.axial,
                 lateral=np.vstack([lateral, step.lateral]),
-                moved=np.delete(moved, -2, axis=0),
+                moved=np.concatenate([moved[:-2], moved[-1:]]),
                 jumping=jumping,
             )
         )

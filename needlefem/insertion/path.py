@@ -5,6 +5,8 @@ was jumped over in a snap is not on the path: nothing is interpolated across it.
 """
 
 import dataclasses
+import math
+import operator
 
 import numpy as np
 
@@ -78,12 +80,21 @@ def _lagrange(nodes: Floats, at: float, first: int | None = None) -> Floats:
     if first is None:
         first = int(np.searchsorted(nodes, at)) - 1
     part = _stencil(nodes, first)
-    near = nodes[part]
-    apart = near[:, None] - near + np.eye(len(near))
-    factors = np.where(np.eye(len(near), dtype=bool), 1.0, (at - near) / apart)
     weights = np.zeros(len(nodes))
-    weights[part] = np.prod(factors, axis=1)
+    weights[part] = _shares(nodes[part].tolist(), at)
     return weights
+
+
+def _shares(near: list[float], at: float) -> list[float]:
+    """Return Lagrange's weights; of four numbers, where arrays only cost."""
+    found = []
+    for here in near:
+        weight = 1.0
+        for other in near:
+            if other != here:
+                weight *= (at - other) / (here - other)
+        found.append(weight)
+    return found
 
 
 def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
@@ -92,12 +103,14 @@ def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
     f_low, f_high = float(values[first] - sought), float(values[first + 1] - sought)
     if f_high == 0.0:  # exactly at a state
         return high
+    part = _stencil(nodes, first)
+    near, known = nodes[part].tolist(), values[part].tolist()
     at = low
     for _ in range(60):
         at = low - f_low * (high - low) / (f_high - f_low) if f_high != f_low else low
         if not low < at < high:
             at = 0.5 * (low + high)
-        error = float(_lagrange(nodes, at, first) @ values) - sought
+        error = math.fsum(map(operator.mul, _shares(near, at), known)) - sought
         if abs(error) < 1e-15 or high - low < 1e-15:
             break
         # Illinois: halve the value at an end that stays, so that both ends close in

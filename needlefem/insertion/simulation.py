@@ -9,13 +9,13 @@ import numpy as np
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
+from needlefem.fem.columns import Corridor
 from needlefem.fem.mesh import BACKGROUND
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.course import Course
-from needlefem.insertion.inertia import dynamic_medium
-from needlefem.insertion.media import ElasticMedium, Medium, ViscoelasticMedium, responses_of
+from needlefem.insertion.media import ElasticMedium, Medium, responses_of
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
 from needlefem.materials import branches_of
@@ -29,6 +29,11 @@ Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
 Watch = Callable[[State], None]
 """Sees every state, for progress."""
+
+
+CORRIDOR = 2.0
+"""Half-width of the corridor that needles are expected in, beside their heights, over the tip's
+radius: the needle's own and as much for the bend of its path."""
 
 
 class Simulation:
@@ -62,6 +67,17 @@ class Simulation:
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
     @property
+    def reasons(self) -> dict[str, str]:
+        """Why all is as it is, with what was found once there were responses."""
+        found = dict(self.resolved.reasons)
+        if "responses" in vars(self):
+            unknowns, known = len(self.model.free_dofs), self.responses
+            found["factorisation"] = f"{self.model.factor.name}: {unknowns} unknowns"
+            spent = f"{known.size} rows, {known.solves} back-substitutions"
+            found["responses"] = f"{known.way}: {spent}"
+        return found
+
+    @property
     def steps(self) -> bool:
         """Whether the scene's motion needs time steps, beyond what a march can do."""
         motion = self.scene.motion
@@ -71,7 +87,20 @@ class Simulation:
     @cached_property
     def responses(self) -> Responses:
         """Responses of the tissue, shared by all insertions."""
-        return responses_of(self.model)
+        return responses_of(self.model, corridor=self._corridor())
+
+    def _corridor(self) -> Corridor | None:
+        """Return where the scene's needles will be, if it says so."""
+        scene, needle = self.scene, self.scene.needle
+        point = scene.motion.entry or scene.target
+        entry = (
+            None if point is None else entry_along(self.model.mesh, np.array(point), self.direction)
+        )
+        if entry is None:
+            return None
+        aside = max(abs(height) for height in scene.planning.height_range)
+        end = entry.point + scene.motion.max_depth * self.direction
+        return Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
 
     @cached_property
     def cutting_force(self) -> Floats:
@@ -131,7 +160,7 @@ class Simulation:
         kernel: Kernel = DiscKernel(radius, points, entry.point, entry.inward)
         section = cross_section(radius, points, self.model.dim)
         if needle.tip == "point":
-            kernel, section = PointKernel(), cross_section(0.0, 1, self.model.dim)
+            kernel, section = PointKernel(self.model.dim), cross_section(0.0, 1, self.model.dim)
         return Instrument(
             axis=Axis(entry.point, self.direction),
             kernel=kernel,
@@ -158,9 +187,16 @@ class Simulation:
         return Course(self.scene, motion or self.scene.motion, needle, self._medium(), self.model)
 
     def _medium(self) -> Medium:
+        """Return the tissue in time; what has inertia or a memory is imported with it."""
         if self.scene.discretisation.integrator in DYNAMIC:
+            from needlefem.insertion.inertia import dynamic_medium  # noqa: PLC0415
+
             return dynamic_medium(self.scene, self.model)
-        return ViscoelasticMedium(self.model) if self._memory else ElasticMedium(self.responses)
+        if self._memory:
+            from needlefem.insertion.viscous import ViscoelasticMedium  # noqa: PLC0415
+
+            return ViscoelasticMedium(self.model)
+        return ElasticMedium(self.responses)
 
     def _run(self, course: Course, stop: Stop | None) -> Insertion:
         states = []

@@ -1,10 +1,12 @@
 """One step along the cut path: where the tip is next, and at which depth."""
 
 import dataclasses
+import math
 
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
+from needlefem.needle.axis import Axis
 from needlefem.needle.contact import Contact
 from needlefem.needle.functionals import Trial
 from needlefem.needle.instrument import Instrument
@@ -107,56 +109,77 @@ class StepSolver:
         ------
         NoEquilibriumError
         """
+        start = _Start(last, self._instrument.axis)
         sideways = self._slope * length
-        step = self._try(last, length, sideways, depth)
+        step = self._try(start, length, sideways, depth)
         jacobian = self._jacobian
         for _ in range(MOST_ITERATIONS):
-            if np.max(np.abs(step.residual)) <= TOLERANCE:
+            if abs(step.residual).max() <= TOLERANCE:
                 self._jacobian = jacobian
                 return step
-            change = -np.linalg.solve(jacobian, step.residual)
+            change = -solved(jacobian, step.residual)
             wanted = sideways + change
-            wanted *= min(1.0, 0.9 * length / float(np.linalg.norm(wanted)))
-            change = wanted - sideways
-            if float(np.linalg.norm(change)) <= STALLED * length:
+            size = math.sqrt(wanted @ wanted)
+            if size > 0.9 * length:
+                wanted *= 0.9 * length / size
+                change = wanted - sideways
+            if math.sqrt(change @ change) <= STALLED * length:
                 break
-            new = self._try(last, length, wanted, depth)
+            new = self._try(start, length, wanted, depth)
             error = new.residual - step.residual - jacobian @ change
-            jacobian = jacobian + np.outer(error, change) / (change @ change)
+            jacobian = jacobian + error[:, None] * (change / (change @ change))
             sideways, step = wanted, new
         raise NoEquilibriumError(f"no equilibrium found {length:.3g} m ahead of {last} m")
 
-    def _try(self, last: Vector, length: float, sideways: Floats, depth: float | None) -> Step:
+    def _try(self, start: "_Start", length: float, sideways: Floats, depth: float | None) -> Step:
         """Put the tip `length` further along the path, `sideways` of it across the axis."""
         self.evaluations += 1
         instrument, axis, dim = self._instrument, self._instrument.axis, self._contact.dim
-        forward = np.sqrt(length**2 - sideways @ sideways)
+        last, forward = start.point, math.sqrt(length**2 - sideways @ sideways)
         tip = last + forward * axis.direction + sideways @ axis.laterals
         weights = instrument.tip_and_piece(tip, last)
         trial = self._contact.try_functionals(weights)
-        friction = instrument.friction_at(weights) * length
+        limit, friction = instrument.resistance(weights)
+        friction *= length
         hold = 1.0 / (instrument.lateral_stiffness * length)
-        offset = axis.offset(0.5 * (tip + last))
-        loose = trial.displacement + friction * trial.compliance[:, dim]
-        # lateral force on the new piece: constant part, and part per unit of tip force
-        rhs = -np.stack([offset + loose[dim + 1 :], trial.compliance[dim + 1 :, 0]], axis=1)
-        stiff = trial.compliance[dim + 1 :, dim + 1 :] + hold * np.eye(dim - 1)
-        lateral = np.linalg.solve(stiff, rhs)
-        moved = np.stack([loose, trial.compliance[:, 0]], axis=1)[:dim]
-        moved = moved + trial.compliance[:dim, dim + 1 :] @ lateral
-        ahead = float(axis.along(tip))
-        limit = instrument.cutting_force_at(weights)
+        before, here = start.offset, start.offset + sideways
+        offset = 0.5 * (here + before)
+        compliance = trial.compliance
+        # columns: constant part, and part per unit of tip force
+        parts = compliance[:, [dim, 0]]
+        parts[:, 0] = trial.displacement + friction * parts[:, 0]
+        rhs = parts[dim + 1 :].copy()
+        rhs[:, 0] += offset
+        stiff = compliance[dim + 1 :, dim + 1 :].copy()
+        stiff.flat[::dim] += hold  # the diagonal
+        lateral = -solved(stiff, rhs)
+        moved = parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
+        ahead = start.along + forward
         force = limit if depth is None else float((depth - ahead - moved[0, 0]) / moved[0, 1])
-        unit = np.array([1.0, force])
         return Step(
             tip=tip,
             trial=trial,
-            depth=float(ahead + moved[0] @ unit),
+            depth=ahead + float(moved[0, 0] + force * moved[0, 1]),
             tip_force=force,
             cutting_force=limit,
             friction=friction,
-            lateral=lateral @ unit,
+            lateral=lateral[:, 0] + force * lateral[:, 1],
             offset=offset,
             compliance=hold,
-            residual=axis.offset(tip) + moved[1:] @ unit,
+            residual=here + moved[1:, 0] + force * moved[1:, 1],
         )
+
+
+class _Start:
+    """Where a step starts: a material point, its offset from the axis and its place along it."""
+
+    def __init__(self, point: Vector, axis: Axis) -> None:
+        self.point, self.offset = point, axis.offset(point)
+        self.along = float(axis.along(point))
+
+
+def solved(matrix: Floats, rhs: Floats) -> Floats:
+    """Solve a system of the size of the lateral directions, of which the plane has one."""
+    if len(matrix) == 1:
+        return rhs / float(matrix[0, 0])
+    return np.linalg.solve(matrix, rhs).astype(float)

@@ -54,22 +54,32 @@ class Contact:
         self._w = np.zeros((0, 0))
         self._cholesky = np.zeros((0, 0))
         self._reduced: Floats = np.zeros(0)
+        self._factor: Floats = np.zeros((0, 0))
+        self._asked: Ints | None = None
+        self._near: Floats = np.zeros((0, 0))
 
     @property
-    def _laterals(self) -> Ints:
+    def _laterals(self) -> Ints | slice:
         """Path rows of lateral components."""
-        rows = np.arange(self._size).reshape(-1, self.dim)
-        return rows[:, 1:].ravel()
+        if self.dim == 2:
+            return slice(1, self._size, 2)
+        return np.arange(self._size).reshape(-1, self.dim)[:, 1:].ravel()
+
+    def _columns_at(self, rows: Ints) -> Floats:
+        """Return the covered pieces' columns on rows; the same rows are asked for many times."""
+        if self._asked is not rows or self._near.shape[1] != self._size:
+            self._asked, self._near = rows, self._columns[rows, : self._size]
+        return self._near
 
     def try_functionals(self, weights: Weights) -> Trial:
         """Return the tissue's response at functionals, given the path so far."""
         rows = self.responses.rows(weights.nodes)
         self._follow_growth()
         count = len(weights.rows) * self.dim
-        loads = np.einsum("ak,ij->aikj", weights.rows, self.frame).reshape(count, -1)
+        loads = (weights.rows[:, None, :, None] * self.frame[:, None, :]).reshape(count, -1)
         response = self.responses.respond(rows, loads)
         bare = loads @ response.at(rows)
-        coupling = loads @ self._columns[rows, : self._size]
+        coupling = loads @ self._columns_at(rows)
         displacement = coupling[:, :: self.dim] @ self.axial[: self.covered]
         if self.background is not None:
             displacement += (weights.of(self.background) @ self.frame.T).ravel()
@@ -85,11 +95,6 @@ class Contact:
         solved, _ = dtrtrs(self._factor, rhs, lower=1)
         found: Floats = solved
         return found
-
-    @property
-    def _factor(self) -> Floats:
-        size = self.covered * (self.dim - 1)
-        return self._cholesky[:size, :size]
 
     def _follow_growth(self) -> None:
         """Compute the pieces' responses at nodes that were touched since."""
@@ -145,7 +150,7 @@ class Contact:
         lateral = slice(which * dim + 1, (which + 1) * dim)
         size, laterals = (number + 1) * dim, (number + 1) * (dim - 1)
         self._columns = enlarged(self._columns, self._known_rows, size)
-        columns = trial.response.after(0)[: self._known_rows, mine]
+        columns = trial.response.after(0, mine)[: self._known_rows]
         self._columns[: self._known_rows, size - dim : size] = columns
         self._loads.append((trial.rows, trial.loads[mine]))
         self._w = enlarged(self._w, size, size)
@@ -153,13 +158,11 @@ class Contact:
         self._w[: size - dim, size - dim : size] = trial.coupling[mine].T
         self._w[size - dim : size, size - dim : size] = trial.bare[mine, mine]
         self._cholesky = enlarged(self._cholesky, laterals, laterals)
-        hold = trial.compliance[lateral, lateral] + compliance * np.eye(dim - 1)
-        self._cholesky[laterals - dim + 1 : laterals, : laterals - dim + 1] = trial.half[
-            :, lateral
-        ].T
-        self._cholesky[laterals - dim + 1 : laterals, laterals - dim + 1 : laterals] = (
-            np.linalg.cholesky(hold)
-        )
+        hold = trial.compliance[lateral, lateral].copy()
+        hold.flat[::dim] += compliance  # the diagonal
+        rows = slice(laterals - dim + 1, laterals)
+        self._cholesky[rows, : rows.start] = trial.half[:, lateral].T
+        self._cholesky[rows, rows] = np.sqrt(hold) if dim == 2 else np.linalg.cholesky(hold)
         row = trial.weights.rows[which]
         used = np.flatnonzero(row)
         self.pieces.append(Piece(trial.weights.nodes[used], row[used], offset, compliance))
@@ -182,7 +185,10 @@ class Contact:
         """Prepare the elimination of lateral forces for the present friction and background."""
         self._reduced = np.zeros(0)
         if self.covered:
-            free = self._w[self._laterals, : self._size : self.dim] @ self.axial[: self.covered]
+            size, laterals = self.covered * (self.dim - 1), self._laterals
+            if len(self._factor) != size:  # in the order of LAPACK, which would copy it each time
+                self._factor = np.asfortranarray(self._cholesky[:size, :size])
+            free = self._w[laterals, : self._size : self.dim] @ self.axial[: self.covered]
             self._reduced = self._forward(-(self._gap() + free))
 
     def _gap(self) -> Floats:
@@ -196,7 +202,7 @@ class Contact:
         axials = np.arange(0, self._size, self.dim)
         half, held = np.zeros((0, len(axials))), np.zeros(0)
         if self.covered:
-            half = self._forward(self._w[np.ix_(self._laterals, axials)])
+            half = self._forward(self._w[self._laterals][:, axials])
             held = self._forward(-self._gap())
         compliance = self._w[np.ix_(axials, axials)] - half.T @ half
         displacement = self._background()[axials] + half.T @ held

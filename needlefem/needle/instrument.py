@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points, Vector
-from needlefem.fem.interpolation import Interpolation, Weights
+from needlefem.arrays import Floats, Ints, Points, Vector
+from needlefem.fem.interpolation import Follower, Interpolation, Weights
 from needlefem.needle.axis import Axis
 from needlefem.needle.kernel import Kernel
 
@@ -48,13 +48,18 @@ class Instrument:
     spacing: float
 
     @cached_property
-    def _piece_rule(self) -> tuple[Floats, Floats, Floats]:
-        """Shares of the piece's length, offsets across it (m), and weights, point by point."""
+    def piece_rule(self) -> tuple[Floats, Floats, Floats]:
+        """Shares of the piece's length, offsets across it (m), and weights (sum 1) of points."""
         nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
         across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
         offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))
-        return share, offsets, np.outer(weights, across_weights).ravel()
+        both = np.outer(weights, across_weights).ravel()
+        return share, offsets, both / both.sum()
+
+    @cached_property
+    def _behind(self) -> "_Behind":
+        return _Behind(self)
 
     def tip(self, point: Vector) -> Weights:
         """Return the mean over the tip's kernel at a material point (one row)."""
@@ -70,17 +75,15 @@ class Instrument:
         point, last : array, shape (dim,), m
             Material points at the tip now, and at the end of the newest piece.
         """
-        points, weights = self.kernel.quadrature(point)
-        share, offsets, piece_weights = self._piece_rule
-        piece = last + share * (point - last) + offsets
-        rows = np.repeat([0, 1], [len(points), len(piece)])
-        return self.interpolation.means(
-            np.concatenate([points, piece]), np.concatenate([weights, piece_weights]), rows, 2
-        )
+        return self._behind.means(point, last)
+
+    def resistance(self, weights: Weights) -> tuple[float, float]:
+        """Return cutting force (of row 0) and friction limit (of row 1) of functionals."""
+        return self._behind.resistance(weights)
 
     def pieces(self, vertices: Points) -> Weights:
         """Return the means over the pieces of a path between its vertices, shape (n, dim), m."""
-        share, offsets, weights = self._piece_rule
+        share, offsets, weights = self.piece_rule
         ahead = np.diff(vertices, axis=0)[:, None]
         points = (vertices[:-1, None] + share * ahead + offsets).reshape(-1, vertices.shape[1])
         rows = np.repeat(np.arange(len(ahead)), len(weights))
@@ -93,3 +96,41 @@ class Instrument:
     def friction_at(self, weights: Weights) -> float:
         """Return the friction limit, averaged over the piece (row 1), N/m (Pa in 2D)."""
         return float(weights.rows[1] @ self.shaft_friction[weights.nodes])
+
+
+class _Behind:
+    """The tip's kernel and the piece behind it, with what stays the same from call to call."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
+        share, self._piece_offsets, self._piece_weights = instrument.piece_rule
+        self._kernel, _ = instrument.kernel.rule(instrument.axis.entry)
+        count = len(self._kernel)  # the kernel has as many points everywhere
+        self._share: Floats = np.concatenate([np.ones((count, 1)), share])
+        self._offsets: Points = np.zeros((0, 0))
+        self._weights: Floats = np.zeros(0)
+        rows = np.repeat([0, 1], [count, len(share)])
+        self._follower = Follower(instrument.interpolation, rows, 2)
+        self._nodes: Ints | None = None
+        self._resistances: Floats = np.zeros((0, 2))
+
+    def means(self, point: Vector, last: Vector) -> Weights:
+        """See `Instrument.tip_and_piece`."""
+        kernel, weights = self._instrument.kernel.rule(point)
+        if kernel is not self._kernel or not self._weights.size:
+            self._kernel = kernel
+            self._offsets = np.concatenate([kernel, self._piece_offsets])
+            self._weights = np.concatenate([weights, self._piece_weights])
+        points = self._share * (point - last)
+        points += last
+        points += self._offsets
+        return self._follower.means(points, self._weights)
+
+    def resistance(self, weights: Weights) -> tuple[float, float]:
+        """See `Instrument`."""
+        if weights.nodes is not self._nodes:
+            fields = (self._instrument.cutting_force, self._instrument.shaft_friction)
+            self._nodes = weights.nodes
+            self._resistances = np.column_stack([field[self._nodes] for field in fields])
+        found = weights.rows @ self._resistances
+        return float(found[0, 0]), float(found[1, 1])

@@ -15,6 +15,13 @@ from needlefem.arrays import Floats, Points, Vector
 class Kernel(Protocol):
     """A way to spread the tip's force."""
 
+    def rule(self, centre: Vector) -> tuple[Points, Floats]:
+        """Return offsets from the centre, and weights, as `quadrature` does with points.
+
+        Deep in the tissue, where they do not depend on the centre, always the same objects.
+        """
+        ...
+
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """Return points, shape (n, dim), and weights, shape (n,), that sum to 1."""
         ...
@@ -23,9 +30,16 @@ class Kernel(Protocol):
 class PointKernel:
     """A point force. It never converges under refinement and is kept to show just that."""
 
+    def __init__(self, dim: int) -> None:
+        self._point = np.zeros((1, dim)), np.ones(1)
+
+    def rule(self, centre: Vector) -> tuple[Points, Floats]:  # noqa: ARG002
+        """See `Kernel`."""
+        return self._point
+
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
-        return centre[None], np.ones(1)
+        return centre[None], self._point[1]
 
 
 class DiscKernel:
@@ -55,19 +69,28 @@ class DiscKernel:
         self._across, self._across_weights = _unit_ball_rule(dim - 1, across)
         self._plane = np.linalg.svd(inward[None])[2][1:]
         self._power = dim - 1
+        self._whole = self._rule(-radius)
+
+    def rule(self, centre: Vector) -> tuple[Points, Floats]:
+        """See `Kernel`."""
+        under = float(self._inward @ (centre - self._skin))
+        return self._whole if under >= self.radius else self._rule(-under)
 
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
         """See `Kernel`."""
+        offsets, weights = self.rule(centre)
+        return centre + offsets, weights
+
+    def _rule(self, low: float) -> tuple[Points, Floats]:
+        """Return offsets from the centre, and weights, of the disc above a height in it."""
         radius = self.radius
-        under = float(self._inward @ (centre - self._skin))
-        low = max(-radius, -under)
         height = low + 0.5 * (radius - low) * (1.0 + np.sin(self._angle))
         half = np.sqrt(np.maximum(radius**2 - height**2, 0.0))
         slab = self._along_weights * np.cos(self._angle) * half**self._power
         across = half[:, None, None] * (self._across @ self._plane)
-        points = centre + height[:, None, None] * self._inward + across
+        offsets = height[:, None, None] * self._inward + across
         weights = (slab[:, None] * self._across_weights).ravel()
-        return points.reshape(-1, len(centre)), weights / weights.sum()
+        return offsets.reshape(-1, len(self._inward)), weights / weights.sum()
 
 
 def cross_section(radius: float, points: int, dim: int) -> tuple[Points, Floats]:

@@ -11,6 +11,7 @@ from needlefem.output.driver import renderer
 
 PACKAGES = (
     "numpy", "scipy", "scikit-fem", "meshio", "pyvista", "vtk", "SimpleITK", "contourpy",
+    "scikit-sparse",
 )  # fmt: skip
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -20,6 +21,11 @@ def info() -> dict[str, Any]:
 
     The renderer is tried, in a process of its own: this takes seconds.
     """
+    return machine() | {"renderer": _renderer()}
+
+
+def machine() -> dict[str, Any]:
+    """Return versions by package (None: not installed), machine and threads."""
     return {
         "needlefem": __version__,
         "python": platform.python_version(),
@@ -29,7 +35,6 @@ def info() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)),
         "memory": _memory(),
         "threads": {name: os.environ.get(name) for name in THREADS},
-        "renderer": _renderer(),
     }
 
 

@@ -126,7 +126,7 @@ def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
         trail=trail,
         warnings=tuple(warnings),
         skipped=simulation.resolved.skipped,
-        reasons=simulation.resolved.reasons,
+        reasons=simulation.reasons,
         timings={},
     )
 

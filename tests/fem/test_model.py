@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
+from scipy.sparse import csc_array
 
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.build import build_model
-from needlefem.fem.factor import factorise
+from needlefem.fem.columns import Corridor, CorridorColumns, WholeColumns
+from needlefem.fem.factor import cholmod, factorise
 from needlefem.fem.responses import DirectResponses, SharedResponses
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic
@@ -130,6 +132,25 @@ def test_shared_responses_grow_without_changing(organ: Scene) -> None:
     assert np.array_equal(grown.compliance, grown.compliance.T)
 
 
+def test_a_condensed_corridor_gives_the_columns_of_the_whole(organ: Scene) -> None:
+    simulation = Simulation(organ)
+    model = simulation.model
+    entry = simulation.entry_of_case().point
+    corridor = Corridor(entry, entry + 0.02 * simulation.direction, 0.009)
+    columns, whole = (
+        CorridorColumns(model, corridor),
+        WholeColumns(model.factor, len(model.free_dofs)),
+    )
+    inner = np.flatnonzero(columns.inner())
+    near = inner[:: max(len(inner) // 7, 1)]
+    assert columns.between(near, near) == pytest.approx(whole.between(near, near), rel=1e-10)
+    assert 0 < columns.solves < len(inner)  # only what lies around is solved for
+    beside = np.flatnonzero(~columns.inner())[[0, -1]]
+    both = np.concatenate([near, beside])  # a needle elsewhere: the corridor is widened
+    assert columns.between(both, beside) == pytest.approx(whole.between(both, beside), rel=1e-10)
+    assert np.all(columns.inner()[both])
+
+
 def test_held_nodes_do_not_respond(gel: Scene) -> None:
     model = Simulation(gel).model
     held = np.flatnonzero(np.all(np.isin(model.node_dofs, model.held_dofs), axis=1))[:2]
@@ -139,9 +160,26 @@ def test_held_nodes_do_not_respond(gel: Scene) -> None:
         assert np.all(responses.respond(rows, loads).at(rows) == 0.0)
 
 
-def test_singular_and_broken_matrices_are_refused() -> None:
-    from scipy.sparse import csc_array
+def test_cholmod_solves_as_superlu_does(organ: Scene) -> None:
+    if cholmod() is None:
+        pytest.skip("the extra 'cholmod' is not installed")
+    model = Simulation(organ).model
+    matrix = model.stiffness.system(model.free_dofs)[0]
+    loads = np.random.default_rng(6).normal(size=(matrix.shape[0], 3))
+    ours, theirs = (factorise(matrix, backend=name) for name in ("superlu", "cholmod"))
+    assert theirs.solve(loads) == pytest.approx(ours.solve(loads), rel=1e-10)
+    assert theirs.solve(loads[:, 0]) == pytest.approx(ours.solve(loads[:, 0]), rel=1e-10)
+    with pytest.raises(SimulationError, match="can't be factorised"):
+        factorise(csc_array(np.diag([1.0, 0.0, 1.0])), backend="cholmod")
 
+
+def test_a_solver_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("needlefem.fem.factor.cholmod", lambda: None)
+    with pytest.raises(SimulationError, match="extra 'cholmod'"):
+        factorise(csc_array(np.eye(2)), backend="cholmod")
+
+
+def test_singular_and_broken_matrices_are_refused() -> None:
     with pytest.raises(SimulationError, match="can't be factorised"):
         factorise(csc_array(np.zeros((3, 3)) + np.diag([1.0, 0.0, 1.0])))
     with pytest.raises(SimulationError, match="not finite"):

@@ -3,7 +3,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from needlefem.fem.responses import DirectResponses
+from needlefem.fem.responses import DirectResponses, SharedResponses
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.path import Path
@@ -54,6 +54,19 @@ def test_no_friction_no_cutting_force_jump(gel: Scene, insert: Push) -> None:
     insertion = insert(vary(gel, {"needle.shaft_friction": 0.0}))
     assert insertion.outcome.status is Status.COMPLETED
     assert insertion.states[-1].force == pytest.approx(gel.needle.cutting_force)
+
+
+def test_a_condensed_corridor_gives_the_same_path(
+    organ: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = simulate(organ)
+    monkeypatch.setattr("needlefem.insertion.media.MOST_SHARED_UNKNOWNS", 0)
+    monkeypatch.setattr("needlefem.insertion.simulation.CORRIDOR", 0.5)  # it leaves this one
+    narrow = Simulation(vary(organ, {"planning.height_range": (0.0, 0.0)}))
+    found = narrow.move(narrow.entry_of_case())
+    assert isinstance(narrow.responses, SharedResponses)
+    assert narrow.responses.solves < narrow.responses.size
+    assert found.tips == pytest.approx(plain.tips, abs=1e-11)
 
 
 def test_direct_responses_give_the_same_path(organ: Scene) -> None:

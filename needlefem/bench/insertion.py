@@ -1,0 +1,101 @@
+"""One insertion with responses known: its price in back-substitutions, and where the time goes."""
+
+import cProfile
+import pstats
+import time
+from typing import Any
+
+import numpy as np
+
+from needlefem.bench.timing import in_turn, median, processor_seconds
+from needlefem.casefile.load import load_case
+from needlefem.errors import CaseError
+from needlefem.insertion.simulation import Simulation
+from needlefem.table import Table
+
+ROUNDS = 15
+WARM = 201
+MOST = 400.0
+"""Back-substitutions of its own model that an insertion may take at the size of the paper."""
+PAPER = 2_000
+"""Unknowns up to which that is demanded: beyond, they are dearer and an insertion takes fewer."""
+PARTS = {
+    "functionals: points, cells, weights": ("instrument.py", "tip_and_piece"),
+    "responses and elimination of lateral forces": ("contact.py", "try_functionals"),
+    "equations of the step": ("step.py", "_try"),
+    "iteration": ("step.py", "solve"),
+    "pieces adopted, states": ("march.py", "_accept"),
+    "all": ("simulation.py", "insert"),
+}
+"""Functions by what they do: each counts with all that it calls."""
+WITHIN = {
+    "equations of the step": (
+        "functionals: points, cells, weights",
+        "responses and elimination of lateral forces",
+    ),
+    "iteration": ("equations of the step",),
+    "all": ("iteration", "pieces adopted, states"),
+}
+"""What is called from within others, to be taken off them."""
+
+
+def run(case: str) -> Table:
+    """Time insertions at the target's height, in turn with back-substitutions; profile one."""
+    scene = load_case(case)
+    if scene.target is None:
+        raise CaseError("target.point", "missing", "the benchmark aims at it")
+    ready = Simulation(scene)
+    entry = ready.entry_through(np.array(scene.target))
+    found = ready.insert(entry)
+    rhs = np.ones(len(ready.model.free_dofs))
+    tasks = {
+        "back-substitution": lambda: ready.model.factor.solve(rhs),
+        "insertion": lambda: ready.insert(entry),
+    }
+    seconds = in_turn(tasks, ROUNDS)
+    warm = median(processor_seconds(lambda: ready.model.factor.solve(rhs), WARM))
+    unit, whole = median(seconds["back-substitution"]), median(seconds["insertion"])
+    shares = _shares(lambda: ready.insert(entry))
+    rows: list[list[object]] = [
+        ["back-substitution", 1e3 * unit, *_spread(seconds["back-substitution"]), 1, ""],
+        ["the same, again and again", 1e3 * warm, "", "", "", ""],
+        ["insertion", 1e3 * whole, *_spread(seconds["insertion"]), round(whole / unit), ""],
+        *([name, share * whole * 1e3, "", "", round(share * whole / unit), f"{100 * share:.0f} %"]
+          for name, share in shares.items()),
+    ]  # fmt: skip
+    steps = len(found.states) - 2
+    bound = ready.model.ndofs <= PAPER
+    return Table(
+        title=f"{scene.title}: {ready.model.ndofs} dofs, an insertion with responses known, "
+        f"medians of {ROUNDS} rounds",
+        columns=("what", "ms", "least", "most", "back-substitutions", "share"),
+        rows=rows,
+        passed=not bound or whole <= MOST * unit,
+        note=f"{steps} steps, {found.evaluations} evaluations, {found.evaluations / steps:.1f} a "
+        f"step; {ready.responses.size} rows known; shares from a profile, which makes calls dearer"
+        + f"; {whole / warm:.0f} back-substitutions that find the factor in the cache"
+        + (f"; an insertion may take {MOST:g} back-substitutions" if bound else ""),
+        summary={"back_substitutions": whole / unit, "evaluations": found.evaluations},
+    )
+
+
+def _spread(seconds: list[float]) -> tuple[float, float]:
+    return 1e3 * min(seconds), 1e3 * max(seconds)
+
+
+def _shares(task: Any) -> dict[str, float]:
+    """Return what each part takes of the whole, what it calls of other parts not counted."""
+    profile = cProfile.Profile(time.process_time)
+    profile.runcall(task)
+    spent = dict.fromkeys(PARTS, 0.0)
+    entries: Any = pstats.Stats(profile).stats  # type: ignore[attr-defined]
+    for (file, _, function), (_, _, _, cumulative, _) in entries.items():
+        for name, (where, what) in PARTS.items():
+            if file.endswith(where) and "needlefem" in file and function == what:
+                spent[name] += cumulative
+    own = {
+        name: value - sum(spent[inner] for inner in WITHIN.get(name, ()))
+        for name, value in spent.items()
+    }
+    own["all else"] = own.pop("all")
+    return {name: value / spent["all"] for name, value in own.items()}

@@ -1,0 +1,64 @@
+"""Viscoelastic tissue as a needle stepped in time meets it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from needlefem.arrays import Floats, Vector
+from needlefem.dynamics import EnergyLedger, Motion, TissueSystem
+from needlefem.dynamics.steppers import StaticStepper
+from needlefem.errors import SimulationError
+from needlefem.fem.model import Model
+from needlefem.fem.responses import Responses
+from needlefem.insertion.media import responses_of
+from needlefem.insertion.recent import Recent
+from needlefem.needle.functionals import Piece
+
+
+class ViscoelasticMedium:
+    """Equilibrium at the end of every step, with the memory of branches; see `Medium`."""
+
+    timeless, inertial = False, False
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.system = model, TissueSystem(model)
+        self._motion: Motion | None = None
+        self._steppers: Recent[float, tuple[StaticStepper, Responses]] = Recent()
+        self._energies: dict[str, float] = {}
+        self._forces = np.zeros(self.system.size)
+        self.background: Floats | None = None
+        self.responses: Responses
+
+    def begin(self, duration: float) -> None:
+        """See `Medium`."""
+        if duration <= 0.0:
+            raise SimulationError("viscoelastic tissue takes steps that last")
+        key = float(np.format_float_scientific(duration, precision=9))
+        self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
+        if self._motion is None:
+            rest = np.zeros(self.system.size)
+            self._motion = self._stepper.start(rest, rest)
+        self._free = self._stepper.free_motion(self._motion)
+        self.background = self.system.nodal(self._free)
+
+    def _ready(self, duration: float) -> tuple[StaticStepper, Responses]:
+        stepper = StaticStepper(self.system, duration)
+        return stepper, responses_of(self.model, stepper.factor)
+
+    def swing(self, pieces: Sequence[Piece], direction: Vector) -> None:
+        """See `Medium`."""
+
+    def finish(self, load: Floats) -> None:
+        """See `Medium`."""
+        assert self._motion is not None
+        force = load[self.model.free_dofs]
+        new = self._stepper.advance(self._motion, self._free + self._stepper.factor.solve(force))
+        ledger = EnergyLedger(self._stepper)
+        ledger.add(self._motion, new, self._forces, force)
+        for name in ("strain", "stored", "relaxation"):
+            self._energies[name] = self._energies.get(name, 0.0) + getattr(ledger, name)
+        self._motion, self._forces = new, force
+
+    def energies(self) -> dict[str, float]:
+        """See `Medium`."""
+        return dict(self._energies)
