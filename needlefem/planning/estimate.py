@@ -13,14 +13,16 @@ import numpy as np
 from scipy import sparse
 
 from needlefem.arrays import Floats, Sparse, Vector
+from needlefem.contour import Contour
 from needlefem.fem.build import build_model
+from needlefem.fem.halve import halved
 from needlefem.fem.model import Model
 from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.result import Estimate, Plan
 from needlefem.resolve import quadratic
-from needlefem.scene import vary
+from needlefem.scene import BoxMesh, Scene, vary
 
 HALVED = 1.5
 """Error over the difference to cells of half the size: that of order 1.6. Supported corners at
@@ -70,8 +72,15 @@ def finer_tissue(simulation: Simulation) -> tuple[Simulation, str, float]:
         finer = vary(scene, {**points, "discretisation.element": better})
         return Simulation(finer, build_model(finer, mesh)), f"{better} on the same cells", 1.0
     finer = vary(scene, points)
-    model = build_model(finer, mesh.refined())
+    model = build_model(finer, halved(mesh, _fitted_to(scene)))
     return Simulation(finer, model), f"{row.name} on cells half as large", HALVED
+
+
+def _fitted_to(scene: Scene) -> list[Contour]:
+    """Return the contours that the scene's mesh follows."""
+    if not isinstance(scene.mesh, BoxMesh) or scene.mesh.interfaces != "fitted":
+        return []
+    return [region.contour for region in scene.regions.values()]
 
 
 def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
