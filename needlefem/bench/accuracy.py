@@ -88,12 +88,13 @@ def entrants(scene: Scene) -> list[Entrant]:
     """Return the case's own discretisation, then all that are held against it."""
     if not isinstance(scene.mesh, BoxMesh):
         raise CaseError("mesh.file", "a mesh from a file has the sizes it has", "take a box")
-    found = [Entrant(resolve(scene).scene.discretisation.element, OWN, _planned(scene, {}))]
+    element = resolve(scene).scene.discretisation.element
+    found = [Entrant(OWN, element, _planned(scene, {}))]
     for name in CATALOGUE:
         for label, changes in sizes(scene.mesh).items():
             found.append(Entrant(name, f"{name}, {label}", _planned(scene, changes, name)))
     for label, changes in steps(resolve(scene).scene).items():
-        found.append(Entrant("step, kernel, regime", label, _planned(scene, changes)))
+        found.append(Entrant("steps, regimes", label, _planned(scene, changes)))
     for accuracy in (1e-4, 2e-5):
         label = f"accuracy = {1e3 * accuracy:g} mm"
         changes = {"planning.accuracy": accuracy}
