@@ -18,7 +18,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
@@ -30,7 +30,10 @@ help:
 	@echo "make studies    every study behind the documentation's tables (half an hour)"
 	@echo "make calibrate  calibrate the paper's scene anew (an hour)"
 	@echo "make bench      what a plan, a time step and an accuracy cost"
-	@echo "make figures    the paper's figures beside its numbers, and the README's animation, into docs"
+	@echo "make figures    the paper's figures beside its numbers, and the pages' other pictures, into docs"
+	@echo "make docs       the documentation site in $(OUT)/docs/index.html; warnings are errors"
+	@echo "make tables     the tables of docs that the package prints, anew"
+	@echo "make newcomer   what README and docs tell a newcomer, with an installed package and no source"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -81,6 +84,7 @@ studies: install
 	$(BIN)/needlefem study friction $(RESOLVED)
 	$(BIN)/needlefem study trains $(RESOLVED)
 	$(BIN)/needlefem study cycles $(PAPER)
+	$(BIN)/needlefem study steps $(PAPER)
 
 calibrate: install
 	$(BIN)/python cases/prostate-2003/calibrate.py --draws 512 --write
@@ -89,6 +93,28 @@ figures: install
 	$(BIN)/needlefem figures $(PAPER) --out docs
 	$(BIN)/needlefem render $(PAPER) --setup --out docs/pictures/setup.png
 	$(BIN)/needlefem render cases/prostate-train/case.toml --size 800x450 --frames 48 --out docs/pictures/train.webp
+	$(BIN)/python docs/site/pages.py docs/tutorial/first-insertion.md $(OUT)/first-insertion
+	cp $(OUT)/first-insertion/first.png docs/pictures/tutorial-first.png
+	$(BIN)/python docs/site/pages.py docs/tutorial/own-anatomy.md $(OUT)/own-anatomy
+	cp $(OUT)/own-anatomy/setup.png docs/pictures/tutorial-setup.png
+	cp $(OUT)/own-anatomy/strain.png docs/pictures/tutorial-strain.png
+
+docs: $(VENV)/docs-installed
+	$(BIN)/needlefem verify --quick --report $(OUT)/docs-verification
+	$(BIN)/sphinx-build -W --keep-going -q -c docs . $(OUT)/docs
+
+$(VENV)/docs-installed: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	@touch $@
+
+newcomer:
+	rm -rf $(OUT)/newcomer
+	$(PYTHON) -m venv $(OUT)/newcomer/venv
+	$(OUT)/newcomer/venv/bin/python -m pip install --quiet --disable-pip-version-check ".[image,render]"
+	$(OUT)/newcomer/venv/bin/python docs/site/newcomer.py $(OUT)/newcomer/work
+
+tables: install
+	$(BIN)/python docs/site/tables.py
 
 bench: install
 	$(BIN)/needlefem bench render $(PAPER)
@@ -103,4 +129,4 @@ bench: install
 	$(BIN)/needlefem bench integrators verification --out $(OUT)/bench
 
 clean:
-	rm -rf $(VENV) $(OUT)
+	rm -rf $(VENV) $(OUT) docs/examples

@@ -1,21 +1,79 @@
 """The documentation says what is."""
 
 import re
+import runpy
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from needlefem.casefile.describe import describe
-from needlefem.materials.tissues import describe_tissues
+import needlefem
 from needlefem.planning.studies import STUDIES
 from needlefem.units import UNITS
+from tests.pages import DOCS, PAGES, ROOT, WHOLE, site
 
-ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TABLES = site("tables").PAGES
+TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```", re.MULTILINE | re.DOTALL)
+OUTSIDE = {DOCS / "examples" / "index"}
+"""What is made while the site is built."""
 
 
-def test_the_table_of_keys_is_the_packages_own() -> None:
-    assert (ROOT / "docs" / "case-file.md").read_text().endswith(describe())
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_are_the_packages_own(name: str) -> None:
+    """If this fails, `make tables` writes them anew."""
+    assert (DOCS / name).read_text().endswith(TABLES[name][1]())
+
+
+def children(page: Path) -> list[Path]:
+    """Return the pages that a page's tables of contents name, without their endings."""
+    found = []
+    for block in TOCTREE.findall(page.read_text(encoding="utf-8")):
+        entries = [line for line in block.splitlines() if line and not line.startswith(":")]
+        for line in entries:
+            entry = re.sub(r".*<(.*)>", r"\1", line)
+            named = sorted(page.parent.glob(entry + ".md")) or [page.parent / entry]
+            found += [path.resolve().with_suffix("") for path in named]
+    return found
+
+
+def test_every_page_is_in_the_table_of_contents() -> None:
+    reached, waiting = set(), [DOCS / "index"]
+    while waiting:
+        page = waiting.pop()
+        if page not in reached and page not in OUTSIDE:
+            reached.add(page)
+            waiting += children(page.with_suffix(".md"))
+    assert reached == {path.with_suffix("") for path in PAGES}
+
+
+def test_what_the_reference_names_is_there() -> None:
+    text = (DOCS / "reference" / "python.md").read_text()
+    names = re.findall(r"^.. auto(?:class|function):: ([\w.]+)$", text, re.MULTILINE)
+    assert len(names) > 30
+    for name in names:
+        home, _, last = name.rpartition(".")
+        assert getattr(import_module(home), last).__doc__, name
+    assert {f"needlefem.{name}" for name in needlefem.__all__} <= set(names)
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors that a code host and the site give a page's headings."""
+    titles = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).strip().replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize(
+    "script", sorted((DOCS / "gallery").glob("plot_*.py")), ids=lambda p: p.stem
+)
+def test_gallery_scripts_draw(
+    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "docs" / "gallery"
+    folder.mkdir(parents=True)
+    (tmp_path / "cases").symlink_to(ROOT / "cases")
+    monkeypatch.chdir(folder)
+    runpy.run_path(str(script), run_name="__main__")
+    assert list((folder / "out").glob("*.png"))
 
 
 def test_all_units_are_named() -> None:
@@ -23,10 +81,25 @@ def test_all_units_are_named() -> None:
     assert all(unit in text for units in UNITS.values() for unit in units)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text()):
-        assert (page.parent / target).exists(), target
+    for target, anchor in re.findall(r"\]\((?!http)([^)#]*)#?([^)]*)\)", page.read_text()):
+        there = page.parent / target if target else page
+        assert there.exists(), target
+        assert not anchor or anchor in anchors(there), anchor
+
+
+def test_every_equation_of_the_theory_has_a_source() -> None:
+    text, _, sources = (DOCS / "theory.md").read_text().partition("## Sources")
+    equations = [int(n) for n in re.findall(r"^ {4}.*\((\d+)\)$", text, re.MULTILINE)]
+    assert equations == list(range(1, len(equations) + 1))
+    named = re.findall(r"^\| ([\d, ]+) \|", sources, re.MULTILINE)
+    assert sorted(int(n) for row in named for n in row.split(",")) == equations
+
+
+def test_code_is_on_pages_that_are_run() -> None:
+    coded = {page for page in PAGES if "```python" in page.read_text(encoding="utf-8")}
+    assert coded <= {ROOT / "README.md", *WHOLE}
 
 
 def test_readme_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -42,7 +115,3 @@ def test_readme_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 @pytest.mark.parametrize("name", STUDIES)
 def test_every_study_is_documented(name: str) -> None:
     assert any(f"study {name}" in page.read_text() for page in PAGES)
-
-
-def test_the_table_of_tissues_is_the_packages_own() -> None:
-    assert (ROOT / "docs" / "tissues.md").read_text().endswith(describe_tissues())

@@ -132,3 +132,7 @@ def test_numbers_known_beforehand(gel: Scene) -> None:
     assert damping_time(damped) == pytest.approx(1e-3 + 7.0 * (0.03 / (math.pi * wave)) ** 2)
     ratios = vary(gel, {"damping": Rayleigh(frequencies=(2.0, 10.0), ratios=(0.05, 0.05))})
     assert damping_time(ratios) == pytest.approx(0.05 / (2.0 * math.pi))
+
+
+def test_a_model_is_built_of_a_scene_that_leaves_its_element_open(gel: Scene) -> None:
+    assert build_model(vary(gel, {"discretisation.element": "auto"})).element.name == "P2"

@@ -171,7 +171,8 @@ def load_problems(folder: Path, names: Sequence[str] = ()) -> list[Problem]:
     """
     files = sorted(folder.glob("[a-z]*.py"))
     if not files:
-        raise CaseError("--problems", f"no problems in '{folder}'", "give the folder of the suite")
+        remedy = "give 'verification' of a source tree, or a folder of yours"
+        raise CaseError("--problems", f"no problems in '{folder}'", remedy)
     known = {file.stem: file for file in files}
     for name in names:
         if name not in known:
@@ -185,7 +186,9 @@ def _load(file: Path) -> Problem:
         raise CaseError("--problems", f"can't load '{file}'", "give a Python file")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    problem: Problem = module.PROBLEM
+    problem = getattr(module, "PROBLEM", None)
+    if not isinstance(problem, Problem):
+        raise CaseError("--problems", f"'{file}' has no PROBLEM", "write PROBLEM = Problem(...)")
     return problem
 
 
@@ -203,7 +206,13 @@ def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool =
     """Run a problem and judge every answer against reference and own record."""
     start = time.perf_counter()
     findings = problem.run(quick)
-    seconds = time.perf_counter() - start
+    return judged(problem, findings, records, time.perf_counter() - start)
+
+
+def judged(
+    problem: Problem, findings: Findings, records: Mapping[str, float], seconds: float
+) -> Report:
+    """Judge what a problem's run found against reference and own record."""
     verdicts = [
         Verdict(
             problem=problem.name,

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # the dense products here are small: threads only cost; must be set before numpy is imported
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    options = _parser().parse_args(arguments)
+    options = parser_of().parse_args(arguments)
     try:
         if options.allow_code:
             import_module("needlefem.foreign").allow()
@@ -49,7 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 3
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser_of() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
     parser = argparse.ArgumentParser(prog="needlefem", description=__doc__.splitlines()[0])
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -138,7 +139,9 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--element", help="qualify this element ('all') instead")
     parser.add_argument("--material", help="qualify this law ('all') instead")
     parser.add_argument("--integrator", help="qualify this integrator ('all') instead")
-    parser.add_argument("--plane", choices=("strain", "stress"), default="strain")
+    parser.add_argument(
+        "--plane", choices=("strain", "stress"), default="strain", help="of what is qualified"
+    )
     parser.add_argument(
         "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
         help='constant of the law, as in --set youngs_modulus="3 kPa"',

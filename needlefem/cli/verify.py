@@ -7,6 +7,7 @@ from pathlib import Path
 from needlefem.checks.problem import (
     Report,
     Verdict,
+    judged,
     load_problems,
     read_records,
     records_of,
@@ -28,10 +29,11 @@ def main(options: argparse.Namespace) -> int:
     records = read_records(folder)
     problems = load_problems(folder, options.names)
     reports = [run_problem(problem, records, quick=options.quick) for problem in problems]
-    verdicts = [verdict for report in reports for verdict in report.verdicts]
     if options.record:
-        write_json(folder / "records.json", records | records_of(verdicts))
-    table = _table(reports, verdicts)
+        records |= records_of([verdict for report in reports for verdict in report.verdicts])
+        write_json(folder / "records.json", records)
+        reports = [judged(r.problem, r.findings, records, r.seconds) for r in reports]
+    table = _table(reports, [verdict for report in reports for verdict in report.verdicts])
     if options.json:
         say_json(record(reports, quick=options.quick))
     else:

@@ -12,6 +12,7 @@ from needlefem.fem import mesh as meshes
 from needlefem.fem.fit import fit_to_contour
 from needlefem.fem.meshfile import read_mesh
 from needlefem.fem.model import Model
+from needlefem.resolve import resolve
 from needlefem.scene import BoxMesh, FileMesh, Scene
 
 QUADRILATERAL = "quadrilateral"
@@ -115,10 +116,24 @@ def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:
 
 
 def build_model(scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool = False) -> Model:
-    """Return the scene's discretised tissue; `mesh` spares building it again.
+    """Return the scene's discretised tissue.
 
-    A `floating` one is left without its supports.
+    Parameters
+    ----------
+    scene : Scene
+        Its element is chosen where it is left open.
+    mesh : skfem.Mesh, optional
+        The scene's, when it is there already.
+    floating : bool
+        Without its supports.
+
+    Raises
+    ------
+    CaseError
+        The scene can't be built.
     """
+    if scene.discretisation.element == "auto":
+        scene = resolve(scene).scene
     mesh = build_mesh(scene) if mesh is None else mesh
     used = {meshes.BACKGROUND: scene.background}
     used |= {name: region.material for name, region in scene.regions.items()}

@@ -25,6 +25,8 @@ class Spent:
 
     Parameters
     ----------
+    caught : float
+        Of the capture, what catching by velocity took; the rest is the lateral hold's.
     mismatch : float
         Work that is in none of them, in elastic tissue.
     """
@@ -37,6 +39,7 @@ class Spent:
     snap: float
     contact: float
     capture: float
+    caught: float
     mismatch: float
 
     @property
@@ -46,8 +49,11 @@ class Spent:
 
     @property
     def least(self) -> float:
-        """The least that friction, cutting, a snap or all together took: none may give."""
-        return min(self.friction, self.cutting, self.snap, self.friction + self.tip + self.capture)
+        """The least that friction, cutting, a snap or all together took: none may give.
+
+        Not counted is the lateral hold, which is elastic: it gives back what it stored.
+        """
+        return min(self.friction, self.cutting, self.snap, self.friction + self.tip + self.caught)
 
 
 @dataclasses.dataclass
@@ -112,22 +118,18 @@ class Account:
         capture += 0.5 * (sides[1].let_go() - sides[0].let_go())
         strain = _strain(new) - _strain(old)
         mismatch = work - strain - friction - cutting - snap - contact - hold - capture
+        caught = 0.0
         if self.inertial and new.way is Way.OUT:  # the needle lets go of its last piece
             contact, friction = contact + friction, 0.0
-        elif self.inertial and not self.give:
-            caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
-            friction, capture = friction - caught, capture + caught
+        elif self.inertial:
+            grown = _regrown(old, new, sides, travel)
+            if not self.give:
+                caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
+            friction, capture = friction - caught - grown, capture + grown
         return Spent(
-            work=work,
-            strain=strain,
-            hold=hold,
-            friction=friction,
-            cutting=cutting,
-            snap=snap,
-            contact=contact,
-            capture=capture,
-            mismatch=mismatch,
-        )
+            work=work, strain=strain, hold=hold, friction=friction, cutting=cutting, snap=snap,
+            contact=contact, capture=capture + caught, caught=caught, mismatch=mismatch,
+        )  # fmt: skip
 
     def add(self, spent: Spent) -> None:
         """Account for a step."""
@@ -187,10 +189,14 @@ class _Side:
         tip = Weights(own.tip_nodes, own.tip_weights[None])
         self.tip_elsewhere: Floats = other.means(tip)[0]
 
+    def slip(self, travel: float, sign: int) -> Floats:
+        """Return how far the needle slipped in every piece."""
+        found: Floats = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
+        return found
+
     def friction(self, travel: float, sign: int) -> Floats:
         """Return friction times slip, of every piece."""
-        apart = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
-        found: Floats = self.own.axial * apart
+        found: Floats = self.own.axial * self.slip(travel, sign)
         return found
 
     def stuck(self, travel: float, sign: int, new: State) -> float:
@@ -219,6 +225,18 @@ def _piece(state: State, number: int, pieces: Sequence[Piece]) -> Piece:
     if state.end is not None and number == state.whole:
         return state.end
     return pieces[number]
+
+
+def _regrown(old: State, new: State, sides: tuple["_Side", "_Side"], travel: float) -> float:
+    """Return what friction gives or takes as the tip's piece becomes another functional.
+
+    As it slips it is the piece of the step's end; what it was at the start was let go of.
+    """
+    number = old.whole
+    if old.end is None or number >= len(new.axial):
+        return 0.0
+    was, became = sides[0].slip(travel, 1)[number], sides[1].slip(travel, -1)[number]
+    return 0.5 * float(old.axial[number] * (was - became))
 
 
 def _tip_parts(old: State, new: State, apart: list[float]) -> tuple[float, float, float]:

@@ -10,6 +10,8 @@ from needlefem.insertion.equations import Solution, StepEquations
 
 PEAK = 1e-3
 """Part of a piece to which the path's largest depth is found."""
+CLOSER, CLOSEST = 0.1, 1e-9
+"""How much nearer a tip that is beyond its landing is looked for, and the least such part."""
 LEAST = 0.01
 """Part of a piece that a tip which runs ahead goes at least before it is looked at."""
 GAIN = 1e-9
@@ -93,20 +95,26 @@ def land(equations: StepEquations, high: float, depth: float, low: float | None 
 
 
 def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, Solution]:
-    """Return the least length ahead, of those tried, at which there is an equilibrium, and that.
+    """Return a length ahead that is below that of landing, and the solution there.
 
-    A front beside the axis can't be on it with a tip that is nearer than that.
+    A front beside the axis can't be on it with a tip that is nearer than that: then it is the
+    least length, of those tried, at which there is an equilibrium, and may be beyond the landing.
     """
     start = equations.track.length - equations.track.arcs[-1]
-    share = PEAK
-    while True:
+    share, found = PEAK, None
+    while share < 1.0:
         length = start + share * (high - start)
         try:
-            return length, run_ahead(equations, length, depth)
+            found = length, run_ahead(equations, length, depth)
         except SimulationError:
-            if share >= 1.0:
-                raise
-            share = min(4.0 * share, 1.0)
+            if found is not None:
+                return found
+            share *= 4.0
+            continue
+        if found[1].excess > 0.0 or share <= CLOSEST:
+            return found
+        share *= CLOSER
+    return high, run_ahead(equations, high, depth)
 
 
 def goal(equations: StepEquations) -> float:

@@ -33,7 +33,7 @@ NUDGE = 1e-5
 """Depth beyond that of a tip about to run ahead, relative to the spacing, at which it does."""
 GIVES = 1e-10
 """Energy that contact may give in a step in time, of the turnover, before it is halved."""
-HALVINGS = 12
+HALVINGS = 10
 """Of such a step, at most."""
 
 
@@ -130,14 +130,11 @@ class Stepping:
             if new.way is not old.way:
                 new = first_change(equations, old, arc, new) or new
             new = within_piece(equations, new)
-        runs_ahead, halves = new.way is Way.CUTTING and new.solution is None, not timeless
-        if halves and halvings and runs_ahead:
-            yield from self._in_halves(tick, halvings)
-        elif runs_ahead:
+        if new.way is Way.CUTTING and new.solution is None:
             yield from self._run_ahead(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
-            if halves and halvings and self._gives(found):
+            if halvings and not timeless and self._gives(found):
                 yield from self._in_halves(tick, halvings)
             else:
                 yield self._progress.accept(found)

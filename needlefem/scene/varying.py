@@ -8,9 +8,15 @@ from needlefem.scene.parts import Scene
 
 
 def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene with fields replaced: dotted names and values in SI units.
+    """Return the scene with fields replaced.
 
-    Names go through mappings too: ``{"needle.tip_radius": 1e-3, "materials.fat.density": 900}``.
+    Parameters
+    ----------
+    scene : Scene
+        Stays as it is.
+    changes : mapping
+        Dotted names, which go through mappings too, and values in SI units:
+        ``{"needle.tip_radius": 1e-3, "materials.fat.density": 900}``.
     """
     varied: Scene = scene
     for name, value in changes.items():

@@ -165,6 +165,36 @@ def test_verify_unknown_problem(capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 's01_patch'?" in err
 
 
+OWN = """
+from needlefem.checks.problem import Answer, Findings, Problem
+
+def run(quick):
+    return Findings(answers=[Answer(label="one", value=VALUE, reference=1.0, tolerance=1e-3)])
+
+PROBLEM = Problem(name="own", requirement="One.", reference="exact", why="small", run=run)
+"""
+
+
+def test_verify_takes_a_folder_of_ones_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def verify(*more: str) -> int:
+        return run(capsys, "verify", "--problems", str(tmp_path), *more)[0]
+
+    (tmp_path / "own.py").write_text(OWN.replace("VALUE", "1.0001"))
+    assert verify() == 1  # nothing is recorded yet
+    assert (verify("--record"), verify()) == (0, 0)
+    (tmp_path / "own.py").write_text(OWN.replace("VALUE", "1.0002"))
+    assert verify() == 1  # within its tolerance, but not what it was
+    assert (verify("--record"), verify()) == (0, 0)
+    (tmp_path / "own.py").write_text(OWN.replace("VALUE", "1.1"))
+    assert (verify("--record"), verify()) == (1, 1)  # a record makes nothing right
+    (tmp_path / "own.py").write_text("one = 1\n")
+    status, _, err = run(capsys, "verify", "--problems", str(tmp_path))
+    assert status == 2
+    assert "own.py' has no PROBLEM; write PROBLEM = Problem(...)" in err
+
+
 def test_studies_are_listed_and_run(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "study", "list")
     assert status == 0

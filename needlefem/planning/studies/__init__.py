@@ -13,6 +13,7 @@ Study = Callable[[Scene, "Scene | None"], list[Table]]
 STUDIES = {
     "accuracy": "20 targets planned to an accuracy: estimate and true error",
     "convergence": "the plan under refinement along the path, for the disc and for a point tip",
+    "steps": "a hundred thousand steps with inertia, to and fro: what drifts",
     "cycles": "ten thousand times in and out: what drifts, what memory grows",
     "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
     "elements": "the plan on every element of the catalogue, and on elements half as large",

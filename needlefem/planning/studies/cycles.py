@@ -50,7 +50,7 @@ def cycled(scene: Scene, cycles: int) -> Table:
         if resting and not rested:
             number += 1
             if number in watched:
-                rows.append([number, state.force, *_advance(state.tip, tip), _most_memory()])
+                rows.append([number, state.force, *advance(state.tip, tip), most_memory()])
             tip = state.tip
         rested = resting
         if state.way is Way.OUT and course.stepping is not None:
@@ -71,11 +71,11 @@ def cycled(scene: Scene, cycles: int) -> Table:
     )
 
 
-def _advance(tip: Vector, before: Vector) -> tuple[float, float]:
+def advance(tip: Vector, before: Vector) -> tuple[float, float]:
     """Return the distance of the tip's material from the origin, cm, and from before, um."""
     return 100.0 * float(np.linalg.norm(tip)), 1e6 * float(np.linalg.norm(tip - before))
 
 
-def _most_memory() -> float:
+def most_memory() -> float:
     """Return the most memory that the process ever had, MiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

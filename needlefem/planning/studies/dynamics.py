@@ -27,9 +27,8 @@ BOUND = 1e-5
 """Largest difference of the material point at the tip at the paper's speed and below, m."""
 SLOW = 0.005
 """The paper's speed, m/s."""
-CYCLES, LEAK, GIVEN = 20, 1e-9, 1e-8
-"""Times to and fro; what may be missing, and what friction, cutting or snaps may give in a step,
-of the turnover. Steps at fixed times are not cut where the tip begins to, from beside the axis."""
+CYCLES, LEAK, GIVEN = 20, 1e-9, 1e-9
+"""Times to and fro; what may be missing, and what contact may give in a step, of the turnover."""
 NEAR = 0.01
 """Difference of the force after them to that without inertia."""
 
@@ -81,7 +80,7 @@ def over_speed(scene: Scene, integrator: str) -> Table:
         rows=rows,
         passed=falls and slow,
         note=f"over the second half of {100 * depth:.2g} cm; falls with the speed, and is at most "
-        f"{100 * BOUND:g} cm from {100 * SLOW:g} cm/s down; given: by friction, cutting or snaps",
+        f"{100 * BOUND:g} cm from {100 * SLOW:g} cm/s down; given: by contact in a step",
     )
 
 

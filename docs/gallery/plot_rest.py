@@ -1,0 +1,51 @@
+"""
+A needle that rests
+===================
+
+Force on a needle that goes in, rests, goes on and is drawn out, in gel whose friction is larger for
+what has rested, and falls again as it slips.
+"""
+
+from pathlib import Path
+
+import needlefem as nf
+from needlefem.materials import Isotropic
+from needlefem.output.motionpictures import draw_forces, draw_sticking
+from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Stage, Support
+
+scene = Scene(
+    title="gel",
+    axes=("y", "z"),
+    mesh=BoxMesh(size=(0.06, 0.06), divisions=(20, 20)),
+    materials={"gel": Isotropic(youngs_modulus=30e3, poissons_ratio=0.45)},
+    background="gel",
+    regions={},
+    supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
+    discretisation=Discretisation(element="P1", path_spacing=3e-3),
+    needle=Needle(
+        tip_radius=3e-3,
+        cutting_force=50.0,
+        shaft_friction=8e3,
+        static_friction=1.5,
+        weakening_length=1e-3,
+    ),
+    motion=Motion(
+        direction=(0.0, 1.0),
+        entry=(0.0287, 0.0),
+        max_depth=0.03,
+        stages=(Stage(to=0.015), Stage(hold=2.0), Stage(to=0.028), Stage(to=-1e-3)),
+    ),
+)
+insertion = nf.simulate(scene)
+for event in insertion.events:
+    print(f"{event.time:5.2f} s  {1e3 * event.depth:5.1f} mm  {event.kind}")
+
+# %%
+# The force on the whole needle and the tip's part of it: a peak where it moves on after the rest.
+
+draw_forces(insertion, Path("out/force.png"))
+
+# %%
+# Where along the path the shaft sticks and slips.
+
+draw_sticking(insertion, Path("out/sticking.png"))

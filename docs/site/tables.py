@@ -1,0 +1,32 @@
+"""Write the tables that the package prints into the pages that end with them: `make tables`."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from needlefem.casefile.describe import describe
+from needlefem.cli.describe import describe_commands
+from needlefem.materials.tissues import describe_tissues
+
+DOCS = Path(__file__).parents[1]
+PAGES: dict[str, tuple[str, Callable[[], str]]] = {
+    "case-file.md": (r"^## `\[", describe),
+    "tissues.md": (r"^\| tissue ", describe_tissues),
+    "reference/commands.md": (r"^## `needlefem |\Z", describe_commands),
+}
+"""Where each page's table begins, and what prints it."""
+
+
+def main() -> None:
+    """Replace everything from a table's beginning on."""
+    for name, (begins, table) in PAGES.items():
+        page = DOCS / name
+        text = page.read_text(encoding="utf-8")
+        found = re.search(begins, text, re.MULTILINE)
+        if found is None:
+            raise SystemExit(f"{page} has no table")
+        page.write_text(text[: found.start()] + table(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
