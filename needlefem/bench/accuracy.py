@@ -88,12 +88,13 @@ def entrants(scene: Scene) -> list[Entrant]:
     """Return the case's own discretisation, then all that are held against it."""
     if not isinstance(scene.mesh, BoxMesh):
         raise CaseError("mesh.file", "a mesh from a file has the sizes it has", "take a box")
-    found = [Entrant(resolve(scene).scene.discretisation.element, OWN, _planned(scene, {}))]
+    element = resolve(scene).scene.discretisation.element
+    found = [Entrant(OWN, element, _planned(scene, {}))]
     for name in CATALOGUE:
         for label, changes in sizes(scene.mesh).items():
             found.append(Entrant(name, f"{name}, {label}", _planned(scene, changes, name)))
     for label, changes in steps(resolve(scene).scene).items():
-        found.append(Entrant("step, kernel, regime", label, _planned(scene, changes)))
+        found.append(Entrant("steps, regimes", label, _planned(scene, changes)))
     for accuracy in (1e-4, 2e-5):
         label = f"accuracy = {1e3 * accuracy:g} mm"
         changes = {"planning.accuracy": accuracy}
@@ -106,18 +107,18 @@ def entrants(scene: Scene) -> list[Entrant]:
 
 
 def sizes(mesh: BoxMesh) -> dict[str, dict[str, Any]]:
-    """Return the changes to a mesh: coarser along the needle, as it is, finer elsewhere."""
-    coarse = {
-        "mesh.refine.corridor_size": 2.0 * mesh.refine.corridor_size,
-        "mesh.refine.contour_size": 2.0 * mesh.refine.contour_size,
-    }
+    """Return the changes to a mesh: coarser where it is refined, as it is, finer elsewhere."""
     finer = {"mesh.divisions": tuple(2 * n for n in mesh.divisions)}
-    return {
-        "needle and contour x 2": coarse,
-        "needle and contour x 2, elsewhere x 1/2": coarse | finer,
-        "as it is": {},
-        "elsewhere x 1/2": finer,
-    }
+    found: dict[str, dict[str, Any]] = {"as it is": {}, "elsewhere x 1/2": finer}
+    refine = mesh.refine
+    if refine.corridor_size > 0.0 or refine.contour_size > 0.0:
+        coarse = {
+            "mesh.refine.corridor_size": 2.0 * refine.corridor_size,
+            "mesh.refine.contour_size": 2.0 * refine.contour_size,
+        }
+        found["refined x 2"] = coarse
+        found["refined x 2, elsewhere x 1/2"] = coarse | finer
+    return found
 
 
 def steps(scene: Scene) -> dict[str, dict[str, Any]]:

@@ -13,14 +13,16 @@ import numpy as np
 from scipy import sparse
 
 from needlefem.arrays import Floats, Sparse, Vector
+from needlefem.contour import Contour
 from needlefem.fem.build import build_model
+from needlefem.fem.halve import halved
 from needlefem.fem.model import Model
 from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.result import Estimate, Plan
 from needlefem.resolve import quadratic
-from needlefem.scene import vary
+from needlefem.scene import BoxMesh, Scene, vary
 
 HALVED = 1.5
 """Error over the difference to cells of half the size: that of order 1.6. Supported corners at
@@ -44,6 +46,12 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estim
         return None
     finer, how, factor = finer_tissue(simulation)
     offset = offset_on(finer, simulation, plan)
+    contours = _fitted_to(simulation.scene)
+    if contours and finer.model.mesh is not simulation.model.mesh:
+        # straight edges cut a contour's corners; that may cancel the rest: the larger counts
+        rounder = build_model(finer.scene, halved(simulation.model.mesh, contours))
+        other = offset_on(Simulation(finer.scene, rounder), simulation, plan)
+        offset = max(offset, other, key=lambda move: float(np.linalg.norm(move)))
     by_path = path_error(simulation, plan) if path else None
     return Estimate(
         error=factor * float(np.linalg.norm(offset)) + (by_path or 0.0),
@@ -70,8 +78,15 @@ def finer_tissue(simulation: Simulation) -> tuple[Simulation, str, float]:
         finer = vary(scene, {**points, "discretisation.element": better})
         return Simulation(finer, build_model(finer, mesh)), f"{better} on the same cells", 1.0
     finer = vary(scene, points)
-    model = build_model(finer, mesh.refined())
+    model = build_model(finer, halved(mesh))
     return Simulation(finer, model), f"{row.name} on cells half as large", HALVED
+
+
+def _fitted_to(scene: Scene) -> list[Contour]:
+    """Return the contours that the scene's mesh follows."""
+    if not isinstance(scene.mesh, BoxMesh) or scene.mesh.interfaces != "fitted":
+        return []
+    return [region.contour for region in scene.regions.values()]
 
 
 def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:

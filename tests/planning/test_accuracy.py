@@ -6,9 +6,12 @@ import pytest
 from needlefem.bench.accuracy import Entrant, race, sizes, steps
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
+from needlefem.fem.build import build_mesh
+from needlefem.fem.halve import halved
+from needlefem.fem.mesh import signed_measures
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning import reference
-from needlefem.planning.estimate import estimate, finer_tissue, offset_on, path_error
+from needlefem.planning.estimate import HALVED, estimate, finer_tissue, offset_on, path_error
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.reference import Exact, placed_on
@@ -91,6 +94,25 @@ def test_estimate_is_left_out_when_not_wanted_or_nothing_is_cut(organ: Scene) ->
     assert evidence.estimate is None
     assert "estimate" not in evidence.timings
     assert plan(vary(organ, {"motion.max_depth": 1e-4})).evidence.estimate is None
+
+
+def test_halved_cells_follow_the_contour(coarse: Scene) -> None:
+    mesh, contour = build_mesh(coarse), coarse.regions["organ"].contour
+    finer = halved(mesh, [contour])
+    inner, outer = (finer.t2f[:, cells] for cells in finer.subdomains.values())
+    between = np.unique(finer.facets[:, np.intersect1d(inner, outer)])
+    assert contour.distance(finer.p.T[between]).max() < 1e-12
+    assert contour.distance(mesh.refined().p.T[between]).max() > 1e-5
+    assert np.all(signed_measures(finer) * signed_measures(mesh.refined()) > 0.0)
+    assert set(finer.boundaries) == set(mesh.boundaries)
+
+
+def test_estimate_sees_edges_beside_the_contour(coarse: Scene) -> None:
+    rough = vary(coarse, {"discretisation.element": "Q2", "mesh.pattern": "quadrilateral"})
+    simulation = Simulation(rough)
+    found = Planner(simulation, np.array(rough.target)).plan()
+    blind = offset_on(finer_tissue(simulation)[0], simulation, found)
+    assert estimate(simulation, found).error > 2.0 * HALVED * np.linalg.norm(blind)
 
 
 def test_path_error_is_of_second_order(coarse: Scene) -> None:

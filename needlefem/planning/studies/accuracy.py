@@ -23,8 +23,8 @@ REQUESTS = (1e-4, 2e-5)
 """Accuracies asked for, m."""
 FACTOR = 5.0
 """Within which the estimate is to be of the true error."""
-AGREE = 2e-6
-"""Distance at which two exact discretisations place the same release, m."""
+AGREE = 0.2 * min(REQUESTS)
+"""Distance at which two exact discretisations may place the same release, m."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
