@@ -19,7 +19,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer commands clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
@@ -34,6 +34,7 @@ help:
 	@echo "make figures    the paper's figures beside its numbers, and the pages' other pictures, into docs"
 	@echo "make docs       the documentation site in $(OUT)/docs/index.html; warnings are errors"
 	@echo "make tables     the tables of docs that the package prints, anew"
+	@echo "make commands   every command of README and docs that takes long (an hour)"
 	@echo "make newcomer   what README and docs tell a newcomer, with an installed package and no source"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
@@ -123,6 +124,9 @@ docs: $(VENV)/docs-installed
 $(VENV)/docs-installed: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	@touch $@
+
+commands: install
+	$(BIN)/pytest -m long
 
 newcomer:
 	rm -rf $(OUT)/newcomer

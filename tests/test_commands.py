@@ -2,7 +2,8 @@
 
 Tutorials and how-to pages are run whole by `test_howto`. Here are all other lines and inline
 snippets: the cheap ones are run, with small pictures; of those in `TOO_LONG` the real parser reads
-the arguments, and the case, the study or the benchmark that they name must be there.
+the arguments, and the case, the study or the benchmark that they name must be there; `make
+commands` runs them too.
 """
 
 import re
@@ -41,11 +42,15 @@ TOO_LONG = {
     "figures": "draws for a minute; `make figures`, and tests/output",
     r"cases/(?!prostate-2003/)\S+\.toml": "run by test_cases, drawn by `make figures`",
     "--method paper": "run by tests/planning/test_paper",
+    r"out/\S+": "draws what another command of its page wrote",
+}
+"""Commands with words like these are only read, and why; `make commands` runs them as well."""
+ELSEWHERE = {
     "--labelmap": "needs a map: how-to/own-anatomy makes one and is run",
     "--mesh": "needs a mesh: how-to/own-mesh makes one and is run",
     "gland.csv": "needs outlines: tutorial/own-anatomy has them and is run",
 }
-"""Commands with words like these are only read, and why."""
+"""Commands that want a reader's file, and where they are run."""
 ONE = "m06_rayleigh"
 """The reference problem that is run where a command means the whole suite: `make verify` runs it,
 and `make test` its quick part."""
@@ -79,13 +84,20 @@ NEEDLEFEM = sorted({filled(line) for line in commands() if line.startswith("need
 
 def too_long(command: str) -> bool:
     """Say whether a command is only read."""
-    return any(re.search(f" {words}( |$)", command) for words in TOO_LONG)
+    return any(re.search(f" {words}( |$)", command) for words in (*TOO_LONG, *ELSEWHERE))
+
+
+def elsewhere(command: str) -> bool:
+    """Say whether a command is run on a page of its own."""
+    return any(re.search(f" {words}( |$)", command) for words in ELSEWHERE)
 
 
 def complete(command: str) -> bool:
     """Say whether a command can be run; what a sentence calls by its name alone can't."""
     words = shlex.split(command)[1:]
     wants = {"study": 3, "bench": 3, "verify": 1, "info": 1}.get(words[0], 2)
+    if wants == 3 and words[-1].startswith("--"):
+        return False
     return len(words) >= wants and words[-1] != "..." and words[0] != "COMMAND"
 
 
@@ -116,14 +128,32 @@ def test_a_command_runs(command: str, here: Path, capsys: pytest.CaptureFixture[
     assert capsys.readouterr().out
 
 
-@pytest.mark.parametrize("command", [c for c in NEEDLEFEM if complete(c) and too_long(c)])
+LONG = [c for c in NEEDLEFEM if complete(c) and too_long(c)]
+
+
+def before(command: str) -> list[str]:
+    """Return the command that writes what a command reads, if it reads a result."""
+    read = shlex.split(command)[2]
+    return [c for c in LONG if c.endswith(f"--out {read}")] if read.startswith("out/") else []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("command", [c for c in LONG if not elsewhere(c)])
+def test_a_long_command_runs(command: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for line in (*before(command), command):
+        assert main(shlex.split(line)[1:]) == 0
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", LONG)
 def test_a_long_command_is_read(command: str, here: Path) -> None:
     options = parser_of().parse_args(shlex.split(command)[1:])
     for name in ("case", "on"):
         path = str(getattr(options, name, "") or "")
         if path.startswith("cases"):
             assert load_case(path).title
-        assert options.command == "new" or not path or Path(path).exists()
+        known = options.command == "new" or not path or Path(path).exists()
+        assert known or before(command)
     if options.command == "study":
         assert study(options.study)
     if options.command == "bench":

@@ -121,7 +121,7 @@ class Stepping:
     def _advance(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
         """Go to the tick's depth, or to where something happens before, if time can be cut."""
         if not self.pieces:
-            yield from self._touch(tick, start)
+            yield from self._touch(tick, start, halvings)
             return
         old, arc, timeless = self._progress.state, self._progress.arc, self.medium.timeless
         equations = self._progress.equations()
@@ -134,13 +134,15 @@ class Stepping:
             yield from self._run_ahead(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
-            if halvings and not timeless and self._gives(found):
-                yield from self._in_halves(tick, halvings)
-            else:
-                yield self._progress.accept(found)
+            yield from self._settle(found, tick, halvings)
 
-    def _gives(self, found: Found) -> bool:
-        return found.spent.least < -GIVES * self.account.turnover
+    def _settle(self, found: Found, tick: Tick, halvings: int) -> Iterator[State]:
+        """Accept what was found, or take the step in halves if contact gives too much in it."""
+        gives = found.spent.least < -GIVES * self.account.turnover
+        if gives and halvings and not self.medium.timeless:
+            yield from self._in_halves(tick, halvings)
+        else:
+            yield self._progress.accept(found)
 
     def _in_halves(self, tick: Tick, halvings: int) -> Iterator[State]:
         """Take the step in two of half its duration."""
@@ -173,7 +175,7 @@ class Stepping:
         self.snaps.append(Snap(depth, first, progress.count))
         self.chronicle.happens("snap", self.account.snap - released, progress.state)
 
-    def _touch(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
+    def _touch(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
         """Press on the skin, and cut it."""
         progress, timeless = self._progress, self.medium.timeless
         weights = progress.tip_at_entry
@@ -182,7 +184,7 @@ class Stepping:
         found = touch(progress.contact, weights, limit, (before, tick.depth))
         time = tick.time_at(found.depth, start)
         if found.forces[0] <= 0.0:
-            yield progress.accept(progress.free(time, found.depth))
+            yield from self._settle(progress.free(time, found.depth), tick, halvings)
             return
         trial, forces = found.trial, found.forces
         held = pressing_state(progress.track, trial, forces, time, found.depth)
