@@ -1,9 +1,12 @@
 """A hundred thousand steps with inertia: to and fro with rests and stick-slip, without drift."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from needlefem.arrays import Ints
 from needlefem.errors import SimulationError
+from needlefem.insertion.course import Course
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.studies.cycles import advance, most_memory
 from needlefem.planning.studies.dynamics import DAMPING, LEAK, SLOW, moving
@@ -29,8 +32,7 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
     """Return the table of so many steps by an integrator."""
     deep, back = 0.4 * scene.motion.max_depth, 0.3 * scene.motion.max_depth
     once = (Stage(hold=1.0), Stage(to=back), Stage(hold=1.0), Stage(to=deep))
-    duration = 2.0 * (1.0 + (deep - back) / SLOW)
-    cycles = int(np.ceil(steps * STEP / duration))
+    cycles = int(np.ceil(steps * STEP / (2.0 * (1.0 + (deep - back) / SLOW))))
     changes = {
         "motion.stages": (Stage(to=deep), *(cycles * once), Stage(hold=1.0)),
         "needle.static_friction": 1.5,
@@ -40,33 +42,16 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
     moved = vary(moving(scene, integrator, SLOW, DAMPING), changes)
     simulation = Simulation(vary(moved, {"discretisation.time_step": STEP}))
     course = simulation.course(simulation.entry_of_case())
-    watched = {0, 1, 2, cycles // 10, cycles // 2, cycles - 1}
-    rows: list[list[float]] = []
-    number, count, stuck = -1, 0, 0
-    old, tip = None, np.zeros(scene.dim)
-    for state in course.iterate():
-        course.take_events()
-        count += 1
-        if old is not None:
-            stuck += _stick(old.slipping, state.slipping)
-        rested = old is not None and old.depth == deep and state.depth != deep
-        if rested and old is not None and course.stepping is not None:
-            number += 1
-            account = course.stepping.account
-            scale = account.turnover / (number + 1)
-            if number in watched:
-                energy = account.kinetic / scale
-                _, cut = advance(old.tip, tip)
-                rows.append([number + 1, count, old.force, cut, energy, stuck, most_memory()])
-            tip = old.tip
-        old = state
-    if count < steps or course.stepping is None:
-        raise SimulationError(f"only {count} of {steps} steps: {course.outcome.sentence}")
+    seen = list(_rests(course, deep))
+    if len(seen) < cycles or course.stepping is None:
+        raise SimulationError(f"only {len(seen)} of {cycles} cycles: {course.outcome.sentence}")
+    tenth = cycles // 10
+    rows = [seen[number] for number in sorted({0, 1, 2, tenth, cycles // 2, cycles - 1})]
     ledger = course.stepping.account.ledger()
-    growth = rows[-1][-1] / rows[3][-1] - 1.0
+    growth = rows[-1][-1] / seen[tenth][-1] - 1.0
     drifts = [abs(rows[-1][column] / rows[-2][column] - 1.0) for column in (2, 4)]
     return Table(
-        title=f"{count} steps with inertia ({integrator}), {cycles} times to and fro with rests",
+        title=f"{cycles} times to and fro with rests and inertia ({integrator})",
         columns=(
             "cycle", "steps", "force (N/m)", "cut on (um)", "kinetic energy", "caught",
             "memory (MiB)",
@@ -78,6 +63,23 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
         f"slid and stick, so far; ledger {ledger.residual:.1e}, given {ledger.given:.1e}; memory "
         f"grows by {100 * growth:.2g} % after a tenth of the steps",
     )  # fmt: skip
+
+
+def _rests(course: Course, deep: float) -> Iterator[list[float]]:
+    """Yield a row for the end of every rest at a depth."""
+    number, stuck, old, tip = 0, 0, None, np.zeros(course.model.dim)
+    for count, state in enumerate(course.iterate()):
+        course.take_events()
+        if old is not None:
+            stuck += _stick(old.slipping, state.slipping)
+            if old.depth == deep and state.depth != deep and course.stepping is not None:
+                number += 1
+                account = course.stepping.account
+                kinetic = account.kinetic / (account.turnover / number)
+                cut = advance(old.tip, tip)[1]
+                yield [number, count + 1, old.force, cut, kinetic, stuck, most_memory()]
+                tip = old.tip
+        old = state
 
 
 def _stick(before: Ints | None, after: Ints | None) -> int:
