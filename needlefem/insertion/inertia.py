@@ -6,6 +6,7 @@ moves half a step late and from then on with the needle, without ringing. The ti
 point, and the shaft across, are bound by displacement; the integrator must damp what rings then.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Protocol
@@ -33,6 +34,8 @@ from needlefem.scene import Rayleigh, Scene
 
 RINGS = 1.0 - 1e-9
 """Spectral radius from which on motion under a bound displacement does not come to rest."""
+GROWN = 1.5
+"""Step over the one before it from which on accelerations are not kept."""
 TERMS = ("strain", "stored", "relaxation", "kinetic", "damping", "algorithmic")
 
 
@@ -99,6 +102,7 @@ class DynamicMedium:
         self.motion: Motion | None = None
         self.background: Floats | None = None
         self._loose: list[float] = []
+        self._past = np.inf
         self.responses: Responses
 
     def begin(self, duration: float) -> None:
@@ -109,6 +113,8 @@ class DynamicMedium:
         self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
         if self.motion is None:
             self.motion = self._stepper.at_rest()
+        elif duration > GROWN * self._past:  # what short steps resolved, long ones would amplify
+            self.motion = dataclasses.replace(self.motion, a=np.zeros_like(self.motion.a))
         share = self._stepper.weights.force
         carried = share * self._forces if share else None
         self._free = self._stepper.free_motion(self.motion, carried)
@@ -147,7 +153,7 @@ class DynamicMedium:
         assert self.motion is not None
         stepper, old, force = self._stepper, self.motion, load[self.model.free_dofs]
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
-        self._pace = (self.motion.u - old.u) / stepper.step
+        self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
         needed = self._force_of(old, self.motion)
         ledger = EnergyLedger(stepper)
         ledger.add(old, self.motion, self._needed, needed)
