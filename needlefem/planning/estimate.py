@@ -105,11 +105,11 @@ def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     -------
     array, shape (dim,), m
     """
-    if simulation.steps:
-        return _carried_out(finer, plan)
     assert plan.best is not None
     insertion = plan.insertion
     number = _state(insertion, plan.best.release_point)
+    if simulation.steps or not _marched(insertion, number):
+        return _carried_out(finer, plan)
     axis, state = insertion.axis, insertion.states[number]
     own = _Contact(simulation.model, axis.frame, _on_own(insertion, number))
     other = _Contact(finer.model, axis.frame, _on_finer(finer, insertion, number))
@@ -125,6 +125,12 @@ def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
 def _state(insertion: Insertion, point: Vector) -> int:
     depth = float(insertion.axis.along(point))
     return min(int(np.searchsorted(insertion.depths, depth)), len(insertion.states) - 1)
+
+
+def _marched(insertion: Insertion, number: int) -> bool:
+    """Say whether every state up to one cut a piece, as on a march that nothing stopped."""
+    first = insertion.first_cut
+    return first is not None and len(insertion.states[number].axial) == number - first + 1
 
 
 def _rate(insertion: Insertion, number: int) -> Vector:

@@ -89,6 +89,13 @@ def test_stepped_insertions_are_estimated_by_a_whole_one(coarse: Scene) -> None:
     assert stepped.error == pytest.approx(marched.error, rel=0.25)
 
 
+def test_marches_that_steps_went_on_from_are_estimated_by_a_whole_insertion(gel: Scene) -> None:
+    soft = {"materials.gel.youngs_modulus": 4e3, "motion.max_depth": 0.045}
+    found = plan(vary(gel, soft))
+    assert len(found.insertion.states[-1].axial) < len(found.insertion.states) - 2
+    assert 0.0 < found.evidence.estimate.error < 5e-3
+
+
 def test_estimate_is_left_out_when_not_wanted_or_nothing_is_cut(organ: Scene) -> None:
     evidence = plan(vary(organ, {"planning.estimate": False})).evidence
     assert evidence.estimate is None
