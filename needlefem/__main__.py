@@ -1,7 +1,5 @@
 """``python -m needlefem``."""
 
-import sys
+from needlefem.cli.main import process
 
-from needlefem.cli.main import main
-
-sys.exit(main())
+process()

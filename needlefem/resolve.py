@@ -167,7 +167,7 @@ def _warnings(scene: Scene) -> list[str]:
     row = element_row(scene.discretisation.element)
     return [
         *_locking(scene, row),
-        *_tip_warnings(scene),
+        *_tip_warnings(scene, row),
         *_spacing_warnings(scene, row),
         *_friction_warnings(scene),
         *_stick_warnings(scene),
@@ -213,14 +213,14 @@ def _locking(scene: Scene, row: ElementRow) -> list[str]:
     return found
 
 
-def _tip_warnings(scene: Scene) -> list[str]:
+def _tip_warnings(scene: Scene, row: ElementRow) -> list[str]:
     if scene.needle.tip == "point":
         return ["a point tip never converges: the answer drifts with every refinement"]
     radius, size = scene.needle.tip_radius, tip_element_size(scene)
-    if size is not None and size > 0.55 * radius:
+    if size is not None and size / row.degree > 0.55 * radius:
         return [
-            f"elements along the needle ({size * 1e3:.2g} mm) are larger than "
-            f"half the tip's radius ({radius * 1e3:.2g} mm): refine the corridor"
+            f"nodes along the needle ({size / row.degree * 1e3:.2g} mm apart) are further apart "
+            f"than half the tip's radius ({radius * 1e3:.2g} mm): refine the corridor"
         ]
     return []
 

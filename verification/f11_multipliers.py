@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.needle import sticking_pieces
 from needlefem.checks.problem import Answer, Findings, Problem
 from needlefem.checks.scenes import SIZE, organ_in_gel
+from needlefem.checks.sticking import sticking_pieces
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import State
 from needlefem.scene import Scene, Stage, vary

@@ -107,18 +107,29 @@ def entrants(scene: Scene) -> list[Entrant]:
 
 
 def sizes(mesh: BoxMesh) -> dict[str, dict[str, Any]]:
-    """Return the changes to a mesh: coarser where it is refined, as it is, finer elsewhere."""
-    finer = {"mesh.divisions": tuple(2 * n for n in mesh.divisions)}
-    found: dict[str, dict[str, Any]] = {"as it is": {}, "elsewhere x 1/2": finer}
+    """Return the changes to a mesh: coarser, as it is and finer where it is refined, and elsewhere.
+
+    Without a refinement, sizes change everywhere.
+    """
     refine = mesh.refine
-    if refine.corridor_size > 0.0 or refine.contour_size > 0.0:
-        coarse = {
-            "mesh.refine.corridor_size": 2.0 * refine.corridor_size,
-            "mesh.refine.contour_size": 2.0 * refine.contour_size,
+    refined = refine.corridor_size > 0.0 or refine.contour_size > 0.0
+    found: dict[str, dict[str, Any]] = {}
+    for label, factor in (("as it is", 1.0), ("x 2", 2.0), ("x 1/2", 0.5)):
+        if not refined:
+            found[label] = _divided(mesh, factor)
+            continue
+        changes = {
+            "mesh.refine.corridor_size": factor * refine.corridor_size,
+            "mesh.refine.contour_size": factor * refine.contour_size,
         }
-        found["refined x 2"] = coarse
-        found["refined x 2, elsewhere x 1/2"] = coarse | finer
+        name = label if factor == 1.0 else f"refined {label}"
+        found[name] = changes
+        found[f"{name}, elsewhere x 2".removeprefix("as it is, ")] = changes | _divided(mesh, 2.0)
     return found
+
+
+def _divided(mesh: BoxMesh, factor: float) -> dict[str, Any]:
+    return {"mesh.divisions": tuple(max(1, round(n / factor)) for n in mesh.divisions)}
 
 
 def steps(scene: Scene) -> dict[str, dict[str, Any]]:

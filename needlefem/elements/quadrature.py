@@ -6,7 +6,7 @@ quadrilaterals is four of them, so that reduced integration would silently do no
 
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from skfem.quadrature import get_quadrature
@@ -31,8 +31,17 @@ def simplex(order: int, dim: int = 2) -> Rule:
     return partial(_simplex, order, dim)
 
 
-def _gauss(points: int, dim: int) -> tuple[Floats, Floats]:
+@cache
+def gauss_legendre(points: int) -> tuple[Floats, Floats]:
+    """Return nodes on [-1, 1] and weights (sum 2), both of shape (points,) and read-only."""
     nodes, weights = np.polynomial.legendre.leggauss(points)
+    for shared in (nodes, weights):
+        shared.flags.writeable = False
+    return nodes, weights
+
+
+def _gauss(points: int, dim: int) -> tuple[Floats, Floats]:
+    nodes, weights = gauss_legendre(points)
     grid = np.meshgrid(*[0.5 * (1.0 + nodes)] * dim, indexing="ij")
     product = np.ones(points**dim)
     for axis in np.meshgrid(*[0.5 * weights] * dim, indexing="ij"):

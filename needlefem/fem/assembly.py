@@ -46,17 +46,20 @@ def stiffness(basis: Basis, law: Floats) -> Sparse:
 
     `law` has shape (n, n, ncells), Pa, with n = 3 in the plane and 6 in space.
     """
-    entries = [
-        (i, j, law[i, j][:, None])
+    rows = [
+        [(j, law[i, j][:, None]) for j in range(len(law)) if np.any(law[i, j])]
         for i in range(len(law))
-        for j in range(len(law))
-        if np.any(law[i, j])
     ]
+    met: Any = None
+    stress: list[Floats] = []
 
     def form(u: Any, v: Any, _: object) -> Floats:
-        there, here = strain(u.grad), strain(v.grad)
-        total: Floats = sum(here[i] * (value * there[j]) for i, j, value in entries)
-        return total
+        nonlocal met, stress
+        if u is not met:  # one trial function meets all test functions before the next one does
+            there = strain(u.grad)
+            met, stress = u, [sum(value * there[j] for j, value in row) for row in rows]
+        parts = map(np.multiply, strain(v.grad), stress)
+        return sum(parts, start=next(parts))
 
     return BilinearForm(form).assemble(basis)
 

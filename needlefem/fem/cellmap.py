@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.errors import CaseError
-from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.shapes import shape_table
 
 Inverse = Callable[[Points], Points]
 """Takes one point a cell, shape (n, dim), m; returns them in the reference cell."""
@@ -140,7 +140,7 @@ def corner_jacobians(mesh: SkfemMesh) -> Floats:
     A cell is valid when they have one sign; a concave one has a corner of the other.
     """
     corners = cell_corners(mesh)
-    slopes = ShapeTable(mesh.elem()).gradients(mesh.elem().doflocs)
+    slopes = shape_table(mesh.elem).gradients(mesh.elem().doflocs)
     found: Floats = np.linalg.det(np.einsum("ckj,nkd->ncdj", slopes, corners))
     return found
 

@@ -10,8 +10,7 @@ The whole factor is asked for the few columns b only, however many nodes the nee
 the corridor and whatever its radius or friction; nothing is subtracted, so no digits are lost.
 """
 
-import dataclasses
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -70,8 +69,7 @@ class WholeColumns:
         return found
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Corridor:
+class Corridor(NamedTuple):
     """Where needles are expected: around a line.
 
     Parameters

@@ -1,6 +1,6 @@
 """What shape functions weigh at points anywhere in the mesh."""
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,11 +8,10 @@ from needlefem.arrays import Floats, Ints, Points, SkfemMesh
 from needlefem.elements import ElementRow
 from needlefem.fem.cellmap import Inverse
 from needlefem.fem.locate import Locator
-from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.shapes import shape_table
 
 
-@dataclasses.dataclass(frozen=True)
-class Weights:
+class Weights(NamedTuple):
     """Linear functionals of a nodal field: rows of weights over common nodes.
 
     Parameters
@@ -47,11 +46,19 @@ class Interpolation:
         Element of the field.
     cell_nodes : array, shape (ncells, nodes a cell)
         Node numbers of every cell, in the element's local order.
+    locator : Locator, optional
+        Of the mesh, when it is there already.
     """
 
-    def __init__(self, mesh: SkfemMesh, element: ElementRow, cell_nodes: Ints) -> None:
-        self.locator = Locator(mesh)
-        self.shape = ShapeTable(element.make())
+    def __init__(
+        self,
+        mesh: SkfemMesh,
+        element: ElementRow,
+        cell_nodes: Ints,
+        locator: Locator | None = None,
+    ) -> None:
+        self.locator = locator or Locator(mesh)
+        self.shape = shape_table(element.make)
         self._cell_nodes = cell_nodes
 
     def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> Weights:
@@ -153,18 +160,20 @@ class Follower:
         local = self._inverse(points) if known else points
         gone = (locator.map.depth(local) < 0.0).nonzero()[0] if known else np.arange(len(points))
         if gone.size:
-            found, _ = locator.find(points[gone])
+            found, reference = locator.find(points[gone])
             if found.min() < 0:
                 self._cells[0] = -1
                 return None
-            if not known or np.any(found != self._cells[gone]):
+            if not known or (found != self._cells[gone]).any():
                 self._cells[gone] = found
                 self._inverse = locator.map.inverse(self._cells)
                 if known:
                     self._slot_again()
                 else:
                     self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
-                local = self._inverse(points)
+            if not known:
+                return reference
+            local[gone] = reference
         return local
 
     def _slot_again(self) -> None:

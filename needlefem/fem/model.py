@@ -11,7 +11,7 @@ from needlefem.errors import CaseError, nearest
 from needlefem.fem import assembly
 from needlefem.fem.cellmap import cell_measures
 from needlefem.fem.factor import Factor
-from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.shapes import shape_table
 from needlefem.fem.space import Space
 from needlefem.fem.stiffness import Stiffness
 from needlefem.materials import Material, Split, branches_of, plane_split, split
@@ -108,13 +108,15 @@ class Model(Space):
         One number per subdomain, averaged at the vertices by cell measure: a needle that crosses
         an interface sees no jump.
         """
+        if len(set(values.values())) == 1:
+            return np.full(self.nnodes, next(iter(values.values())))
         corners = self.mesh.t.T
         measure = np.repeat(cell_measures(self.mesh), corners.shape[1])
         value = np.repeat(self.per_cell(values), corners.shape[1])
         where, count = corners.ravel(), self.mesh.nvertices
         weighted = np.bincount(where, measure * value, minlength=count)
         at_vertices = weighted / np.bincount(where, measure, minlength=count)
-        between = ShapeTable(self.mesh.elem())(self.element.nodes)
+        between = shape_table(self.mesh.elem)(self.element.nodes)
         field = np.zeros(self.nnodes)
         field[self.cell_nodes] = at_vertices[corners] @ between.T
         return field

@@ -11,7 +11,7 @@ from scipy.sparse import block_array, vstack
 
 from needlefem.arrays import Floats, Ints, Points, Sparse
 from needlefem.fem import assembly
-from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.shapes import shape_table
 from needlefem.fem.space import Space
 
 
@@ -61,6 +61,6 @@ class Pressures:
         """Return pressures at reference points (n, dim) of every cell, shape (ncells, n)."""
         if self._element.pressure is None:  # `pressure_basis` has refused it already
             raise TypeError
-        shape = ShapeTable(self._element.pressure())(reference)
+        shape = shape_table(self._element.pressure)(reference)
         found: Floats = np.einsum("kc,nk->cn", dofs[self.cell_dofs], shape)
         return found

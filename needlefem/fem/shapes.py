@@ -1,5 +1,7 @@
 """Shape functions as polynomials: many points in one product."""
 
+from collections.abc import Callable
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -77,6 +79,12 @@ class ShapeTable:
         """Return their gradients at reference points (n, dim), shape (n, nodes, dim)."""
         monomials = self._monomials(reference)
         return np.stack([monomials @ slope for slope in self._slopes], axis=2)
+
+
+@lru_cache(maxsize=32)
+def shape_table(make: Callable[[], Any]) -> ShapeTable:
+    """Return the shape functions of the element that `make` makes, the same each time."""
+    return ShapeTable(make())
 
 
 def _fitted(monomials: Floats, values: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """Where a line enters the tissue."""
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,7 @@ STEEPEST = 0.2
 """Least cosine between needle and inward normal: flatter, a tip would slide on the skin."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Entry:
+class Entry(NamedTuple):
     """A point of the skin.
 
     Parameters

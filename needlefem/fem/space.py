@@ -81,6 +81,11 @@ class Space:
         """Evaluation of nodal fields anywhere in the tissue."""
         return Interpolation(self.mesh, self.element, self.cell_nodes)
 
+    def locate_as(self, other: "Space") -> None:
+        """Look for points in cells as another element on the same mesh does, with its tables."""
+        found = Interpolation(self.mesh, self.element, self.cell_nodes, other.interpolation.locator)
+        self.interpolation = found
+
     def nodal(self, dofs: Floats) -> Floats:
         """Return a dof vector as a nodal field, shape (nnodes, dim)."""
         field: Floats = dofs[self.node_dofs]

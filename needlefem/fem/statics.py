@@ -104,6 +104,8 @@ class Statics:
     materials : Material or mapping of names to them
     plane : str
         Plane 'strain' or 'stress'.
+    space : Space, optional
+        The element on the mesh, when it is there already.
     """
 
     def __init__(
@@ -112,8 +114,9 @@ class Statics:
         element: ElementRow,
         materials: Material | Mapping[str, Material],
         plane: str = "strain",
+        space: Space | None = None,
     ) -> None:
-        self.space = Space(mesh, element)
+        self.space = Space(mesh, element) if space is None else space
         several = materials if isinstance(materials, Mapping) else {"": materials}
         owner = np.zeros(mesh.nelements, dtype=np.intp)
         if isinstance(materials, Mapping):

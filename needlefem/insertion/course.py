@@ -13,19 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from needlefem.fem.model import Model
+from needlefem.insertion.guide import Guide
 from needlefem.insertion.ledger import ledger, released
 from needlefem.insertion.march import March
 from needlefem.insertion.media import ElasticMedium, Medium
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.schedule import legs, ticks
 from needlefem.insertion.state import State
-from needlefem.needle.friction import Friction
 from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Motion, Scene
 
-if TYPE_CHECKING:  # a march does without time steps
+if TYPE_CHECKING:  # a march does without time steps and what sticks in them
     from needlefem.insertion.stepping import Stepping
+    from needlefem.needle.friction import Friction
 
 STEPS_A_PIECE = 2.0
 """Steps in which the needle travels the length of a piece of its path, or that over which
@@ -46,6 +47,8 @@ class Course:
     instrument : Instrument
     medium : Medium
     model : Model
+    guide : Guide, optional
+        For a march, what is known from one nearby.
 
     Attributes
     ----------
@@ -56,9 +59,17 @@ class Course:
     """
 
     def __init__(
-        self, scene: Scene, motion: Motion, instrument: Instrument, medium: Medium, model: Model
+        self,
+        scene: Scene,
+        motion: Motion,
+        instrument: Instrument,
+        medium: Medium,
+        model: Model,
+        *,
+        guide: Guide | None = None,
     ) -> None:
         self.scene, self.motion, self.instrument = scene, motion, instrument
+        self._guide = guide
         self.medium, self.model = medium, model
         self.march: March | None = None
         self.stepping: Stepping | None = None
@@ -111,16 +122,22 @@ class Course:
         return len(self._legs) == 1 and self._legs[0].release is None
 
     def _marched(self) -> Iterator[State]:
-        first, speed = self._legs[0], self._legs[0].end / self._legs[0].duration
+        first = self._legs[0]
         assert isinstance(self.medium, ElasticMedium)
-        march = March(self.instrument, self.medium.responses, first.end, within=not self._alone)
+        march = March(
+            self.instrument,
+            self.medium.responses,
+            first.end,
+            within=not self._alone,
+            speed=first.end / first.duration,
+            guide=self._guide,
+        )
         states = march.iterate()
         head = [] if self._alone else list(itertools.islice(states, 3))
         if not self._alone and march.outcome.status is Status.NOT_PUNCTURED:
             return  # what only presses is stepped from the start
         self.march = march
-        for state in itertools.chain(head, states):
-            yield dataclasses.replace(state, time=state.depth / speed)
+        yield from itertools.chain(head, states)
 
     def _stepped(self) -> Iterator[State]:
         from needlefem.insertion.stepping import Stepping  # noqa: PLC0415
@@ -194,7 +211,9 @@ FINAL = (
 """What a push can end with that stepping would not go on from."""
 
 
-def friction_of(scene: Scene) -> Friction:
+def friction_of(scene: Scene) -> "Friction":
     """Return the friction law of a scene's needle."""
+    from needlefem.needle.friction import Friction  # noqa: PLC0415
+
     needle = scene.needle
     return Friction(needle.static_friction, needle.weakening_length, needle.stick_stiffness)

@@ -13,9 +13,32 @@ from needlefem.needle.functionals import Piece
 
 def loads(insertion: Insertion, states: Sequence[int]) -> Floats:
     """Return the needle's forces on the tissue in some states, shape (ndofs, nstates), N (N/m)."""
-    model, frame = insertion.model, insertion.axis.frame
-    found = [load(model, frame, insertion.states[n], insertion.pieces) for n in states]
-    return np.column_stack(found)
+    model, frame, pieces = insertion.model, insertion.axis.frame, insertion.pieces
+    found = np.zeros((model.ndofs, len(states)))
+    forces = np.zeros((len(pieces), model.dim, len(states)))
+    for column, number in enumerate(states):
+        state = insertion.states[number]
+        on_pieces = np.column_stack([state.axial, state.lateral]) @ frame
+        forces[: state.whole, :, column] = on_pieces[: state.whole]
+        _add_tip(found[:, column], model, frame, state)
+        if state.end is not None:
+            _add(
+                found[:, column], model.node_dofs[state.end.nodes], state.end.weights, on_pieces[-1]
+            )
+    if pieces:
+        touched, means = means_of(pieces)
+        spread = means.T @ forces.reshape(len(pieces), -1)
+        found[model.node_dofs[touched]] += spread.reshape(len(touched), model.dim, -1)
+    return found
+
+
+def means_of(pieces: Sequence[Piece]) -> tuple[Ints, Floats]:
+    """Return the nodes that pieces touch, and their weights there, shape (npieces, nodes)."""
+    nodes, place = np.unique(np.concatenate([p.nodes for p in pieces]), return_inverse=True)
+    means = np.zeros((len(pieces), len(nodes)))
+    row = np.repeat(np.arange(len(pieces)), [len(p.nodes) for p in pieces])
+    means[row, place] = np.concatenate([p.weights for p in pieces])
+    return nodes, means
 
 
 def load(model: Model, frame: Floats, state: State, pieces: Sequence[Piece]) -> Floats:
@@ -31,12 +54,16 @@ def load(model: Model, frame: Floats, state: State, pieces: Sequence[Piece]) -> 
         Of the whole path.
     """
     found = np.zeros(model.ndofs)
-    force = np.concatenate([[state.tip_force], state.tip_lateral]) @ frame
-    _add(found, model.node_dofs[state.tip_nodes], state.tip_weights, force)
+    _add_tip(found, model, frame, state)
     forces = np.column_stack([state.axial, state.lateral]) @ frame
     for piece, on_piece in zip(state.filled(pieces), forces, strict=True):
         _add(found, model.node_dofs[piece.nodes], piece.weights, on_piece)
     return found
+
+
+def _add_tip(target: Floats, model: Model, frame: Floats, state: State) -> None:
+    force = np.concatenate([[state.tip_force], state.tip_lateral]) @ frame
+    _add(target, model.node_dofs[state.tip_nodes], state.tip_weights, force)
 
 
 def _add(target: Floats, dofs: Ints, weights: Floats, force: Floats) -> None:

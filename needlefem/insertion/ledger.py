@@ -16,8 +16,7 @@ default, the second an independent check of it.
 import numpy as np
 
 from needlefem.arrays import Floats
-from needlefem.fem.interpolation import Weights
-from needlefem.insertion.fields import displacements, loads
+from needlefem.insertion.fields import displacements, loads, means_of
 from needlefem.insertion.result import Insertion, Ledger, Snap
 from needlefem.insertion.state import State
 
@@ -73,10 +72,7 @@ def _axial(insertion: Insertion, moved: Floats) -> Floats:
     pieces, model = insertion.pieces, insertion.model
     if not pieces:
         return np.zeros((0, moved.shape[1]))
-    nodes, place = np.unique(np.concatenate([p.nodes for p in pieces]), return_inverse=True)
-    means = np.zeros((len(pieces), len(nodes)))
-    row = np.repeat(np.arange(len(pieces)), [len(p.nodes) for p in pieces])
-    means[row, place] = np.concatenate([p.weights for p in pieces])
+    nodes, means = means_of(pieces)
     dofs, direction = model.node_dofs[nodes], insertion.axis.direction
     found: Floats = means @ sum(moved[dofs[:, i]] * direction[i] for i in range(model.dim))
     return found
@@ -140,11 +136,13 @@ class _Step:
 
     def _difference_part(self) -> Floats:
         """``e.(ubar(X1) - ubar(X0))`` in the new field (for the old force) and the old one."""
-        direction = self.insertion.axis.direction
-        new = Weights(self.new.tip_nodes, self.new.tip_weights[None])
-        old = Weights(self.old.tip_nodes, self.old.tip_weights[None])
-        ahead = [float((new.of(f) - old.of(f))[0] @ direction) for f in self.fields]
-        return np.array(ahead[::-1])
+        direction, (old, new) = self.insertion.axis.direction, (self.old, self.new)
+        ahead = [
+            (new.tip_weights @ field[new.tip_nodes] - old.tip_weights @ field[old.tip_nodes])
+            @ direction
+            for field in self.fields
+        ]
+        return np.array(ahead[::-1], dtype=float)
 
     def _gradient_part(self) -> Floats:
         """``e.grad(ubar) dX`` at the old and the new tip, each in its own field."""

@@ -15,6 +15,7 @@ from needlefem.arrays import Floats, Vector
 from needlefem.fem.interpolation import OutsideError, Weights
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
+from needlefem.insertion.guide import Guide
 from needlefem.insertion.result import Insertion, Outcome, Snap, Status
 from needlefem.insertion.state import State
 from needlefem.insertion.step import NoEquilibriumError, Step, StepSolver
@@ -44,6 +45,10 @@ class March:
         Where it ends.
     within : bool
         Whether it ends with the last whole piece before, not with the first beyond.
+    speed : float, m/s
+        Of the needle, which says no more than when states are reached.
+    guide : Guide, optional
+        What is known from a march nearby.
 
     Attributes
     ----------
@@ -58,12 +63,15 @@ class March:
         max_depth: float,
         *,
         within: bool = False,
+        speed: float = np.inf,
+        guide: Guide | None = None,
     ) -> None:
         self.instrument, self.max_depth, self.within = instrument, max_depth, within
+        self._speed = speed
         self.contact = Contact(responses, instrument.axis.frame)
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.snaps: list[Snap] = []
-        self._solver = StepSolver(instrument, self.contact)
+        self._solver = StepSolver(instrument, self.contact, guide)
         self.states: list[State] = []
 
     def iterate(self) -> Iterator[State]:
@@ -123,6 +131,7 @@ class March:
             pressed = dataclasses.replace(
                 held,
                 depth=share * depth,
+                time=share * depth / self._speed,
                 tip_force=share * limit,
                 tip_lateral=share * held.tip_lateral,
             )
@@ -145,7 +154,7 @@ class March:
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._check_slip(step.depth, moved)
-        self._solver.follow(self.states[-1].tip, step.tip)
+        self._solver.follow(step)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(
@@ -161,6 +170,7 @@ class March:
                 lateral=np.vstack([lateral, step.lateral]),
                 moved=np.concatenate([moved[:-2], moved[-1:]]),
                 jumping=jumping,
+                time=step.depth / self._speed,
             )
         )
 

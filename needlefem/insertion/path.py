@@ -4,9 +4,9 @@ Between states everything is interpolated by cubics in the length of the cut pat
 was jumped over in a snap is not on the path: nothing is interpolated across it.
 """
 
-import dataclasses
 import math
 import operator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from needlefem.arrays import Floats, Ints, Points, Vector
 from needlefem.insertion.result import Insertion
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Reach:
+class Reach(NamedTuple):
     """A material point that the tip reaches, and the depth at which it does.
 
     Parameters
@@ -29,8 +28,7 @@ class Reach:
     point: Vector
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Piece:
+class Piece(NamedTuple):
     """A stretch of the path that the tip passed without a snap.
 
     Parameters

@@ -1,9 +1,9 @@
 """What the needle is told to do: depth over time, in straight legs, with releases at their ends."""
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 from needlefem.errors import CaseError
 from needlefem.scene import Motion, Stage
@@ -14,8 +14,7 @@ HALVINGS = 6
 """Of the first step after the needle stopped or turned back, in which sticking gives way."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Leg:
+class Leg(NamedTuple):
     """Even motion between two depths (m) that takes a time (s); what is released at its end."""
 
     start: float
@@ -24,8 +23,7 @@ class Leg:
     release: str | None = None
 
 
-@dataclasses.dataclass(frozen=True)
-class Tick:
+class Tick(NamedTuple):
     """A time (s) and the depth (m) then; the duration of the step to it (s); what is released."""
 
     time: float

@@ -15,6 +15,7 @@ from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
 from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
 from needlefem.insertion.course import Course
+from needlefem.insertion.guide import Guide
 from needlefem.insertion.media import ElasticMedium, Medium, responses_of
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
@@ -63,6 +64,7 @@ class Simulation:
         self.model = build_model(self.scene) if model is None else model
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
+        self._guide: Guide | None = None
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
@@ -183,8 +185,12 @@ class Simulation:
 
     def course(self, entry: Entry, motion: Motion | None = None) -> Course:
         """Return a motion of the needle, the scene's when left out, ready to run."""
-        needle = self.instrument(entry)
-        return Course(self.scene, motion or self.scene.motion, needle, self._medium(), self.model)
+        needle, motion = self.instrument(entry), motion or self.scene.motion
+        guide = Guide(entry.point)
+        if self._guide is not None:
+            guide = self._guide.beside(entry.point, self.scene.needle.tip_radius)
+        self._guide = guide
+        return Course(self.scene, motion, needle, self._medium(), self.model, guide=guide)
 
     def _medium(self) -> Medium:
         """Return the tissue in time; what has inertia or a memory is imported with it."""

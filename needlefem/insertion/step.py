@@ -1,11 +1,12 @@
 """One step along the cut path: where the tip is next, and at which depth."""
 
-import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
+from needlefem.insertion.guide import Guide
 from needlefem.needle.axis import Axis
 from needlefem.needle.contact import Contact
 from needlefem.needle.functionals import Trial
@@ -18,8 +19,7 @@ STALLED = 1e-15
 MOST_ITERATIONS = 40
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Step:
+class Step(NamedTuple):
     """A step that satisfies the axial equations.
 
     Parameters
@@ -41,6 +41,8 @@ class Step:
         Of the piece's lateral hold.
     residual : array, shape (dim - 1,), m
         Lateral distance of the tip from the axis.
+    slope : array, shape (dim - 1,)
+        Of the path across the axis, over its length.
     """
 
     tip: Vector
@@ -53,6 +55,7 @@ class Step:
     offset: Floats
     compliance: float
     residual: Floats
+    slope: Floats
 
     @property
     def forces(self) -> Floats:
@@ -78,19 +81,24 @@ class StepSolver:
     instrument : Instrument
     contact : Contact
         The path so far.
+    guide : Guide, optional
+        What is known from a march nearby.
     """
 
-    def __init__(self, instrument: Instrument, contact: Contact) -> None:
+    def __init__(
+        self, instrument: Instrument, contact: Contact, guide: Guide | None = None
+    ) -> None:
         self._instrument, self._contact = instrument, contact
+        self._guide = guide or Guide(instrument.axis.entry)
         lateral = len(instrument.axis.laterals)
         self._slope = np.zeros(lateral)
         self._jacobian = np.eye(lateral)
         self.evaluations = 0
 
-    def follow(self, last: Vector, tip: Vector) -> None:
+    def follow(self, step: Step) -> None:
         """Expect the next step to go on in the direction of one just made."""
-        axis = self._instrument.axis
-        self._slope = (axis.offset(tip) - axis.offset(last)) / np.linalg.norm(tip - last)
+        self._slope = step.slope
+        self._guide.learnt.append((self._slope, self._jacobian))
 
     def solve(self, last: Vector, length: float, depth: float | None = None) -> Step:
         """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
@@ -110,9 +118,9 @@ class StepSolver:
         NoEquilibriumError
         """
         start = _Start(last, self._instrument.axis)
-        sideways = self._slope * length
+        slope, jacobian = self._guide.guess(self._slope, self._jacobian)
+        sideways = slope * length
         step = self._try(start, length, sideways, depth)
-        jacobian = self._jacobian
         for _ in range(MOST_ITERATIONS):
             if abs(step.residual).max() <= TOLERANCE:
                 self._jacobian = jacobian
@@ -134,7 +142,7 @@ class StepSolver:
     def _try(self, start: "_Start", length: float, sideways: Floats, depth: float | None) -> Step:
         """Put the tip `length` further along the path, `sideways` of it across the axis."""
         self.evaluations += 1
-        instrument, axis, dim = self._instrument, self._instrument.axis, self._contact.dim
+        instrument, axis = self._instrument, self._instrument.axis
         last, forward = start.point, math.sqrt(length**2 - sideways @ sideways)
         tip = last + forward * axis.direction + sideways @ axis.laterals
         weights = instrument.tip_and_piece(tip, last)
@@ -144,16 +152,7 @@ class StepSolver:
         hold = 1.0 / (instrument.lateral_stiffness * length)
         before, here = start.offset, start.offset + sideways
         offset = 0.5 * (here + before)
-        compliance = trial.compliance
-        # columns: constant part, and part per unit of tip force
-        parts = compliance[:, [dim, 0]]
-        parts[:, 0] = trial.displacement + friction * parts[:, 0]
-        rhs = parts[dim + 1 :].copy()
-        rhs[:, 0] += offset
-        stiff = compliance[dim + 1 :, dim + 1 :].copy()
-        stiff.flat[::dim] += hold  # the diagonal
-        lateral = -solved(stiff, rhs)
-        moved = parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
+        lateral, moved = _eliminated(trial, friction, offset, hold)
         ahead = start.along + forward
         force = limit if depth is None else float((depth - ahead - moved[0, 0]) / moved[0, 1])
         return Step(
@@ -167,6 +166,7 @@ class StepSolver:
             offset=offset,
             compliance=hold,
             residual=here + moved[1:, 0] + force * moved[1:, 1],
+            slope=sideways / length,
         )
 
 
@@ -176,6 +176,31 @@ class _Start:
     def __init__(self, point: Vector, axis: Axis) -> None:
         self.point, self.offset = point, axis.offset(point)
         self.along = float(axis.along(point))
+
+
+def _eliminated(
+    trial: Trial, friction: float, offset: Floats, hold: float
+) -> tuple[Floats, Floats]:
+    """Return the piece's lateral force and the tip's displacement when the piece is held.
+
+    Shapes (dim - 1, 2) and (dim, 2). Columns: constant part, and part per unit of tip force.
+    """
+    compliance, dim = trial.compliance, len(offset) + 1
+    if dim == 2:  # one number is left to solve for: arrays would cost more than all the rest
+        (c00, _, c02, c03), (c10, _, c12, c13), _, (c30, _, c32, c33) = compliance.tolist()
+        d0, d1, _, d3 = trial.displacement.tolist()
+        held = -1.0 / (c33 + hold)
+        push, rate = held * (d3 + friction * c32 + float(offset[0])), held * c30
+        along = d0 + friction * c02 + c03 * push, c00 + c03 * rate
+        across = d1 + friction * c12 + c13 * push, c10 + c13 * rate
+        return np.array([[push, rate]]), np.array([along, across])
+    parts = compliance[:, [dim, 0]]
+    parts[:, 0] = trial.displacement + friction * parts[:, 0]
+    rhs = parts[dim + 1 :].copy()
+    rhs[:, 0] += offset
+    stiff = compliance[dim + 1 :, dim + 1 :] + hold * np.eye(dim - 1)
+    lateral: Floats = -np.linalg.solve(stiff, rhs).astype(float)
+    return lateral, parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
 
 
 def solved(matrix: Floats, rhs: Floats) -> Floats:

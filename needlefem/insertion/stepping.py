@@ -7,7 +7,6 @@ happens at the step's end, and a step in which contact would give energy, or the
 is taken in halves.
 """
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 
 from needlefem.errors import SimulationError
@@ -148,7 +147,7 @@ class Stepping:
         """Take the step in two of half its duration."""
         now, half = self._progress.state, 0.5 * tick.duration
         middle = Tick(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
-        for part in (middle, dataclasses.replace(tick, duration=half, release=None)):
+        for part in (middle, tick._replace(duration=half, release=None)):
             yield from self._tick(part, halvings - 1)
 
     def _run_ahead(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:

@@ -6,6 +6,7 @@ for incompressible tissue as well. Elements that lock treat the two parts differ
 """
 
 import dataclasses
+from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -96,7 +97,13 @@ def _compliance(material: Material) -> Floats:
 
 
 def split_compliance(compliance: Floats) -> Split:
-    """Return the split of a symmetric compliance, shape (6, 6) or (3, 3), 1/Pa.
+    """Return the split of a symmetric compliance, shape (6, 6) or (3, 3), 1/Pa; see `_split`."""
+    return _split(np.ascontiguousarray(compliance, dtype=float).tobytes(), len(compliance))
+
+
+@lru_cache(maxsize=64)  # checks ask for the same few laws again and again
+def _split(numbers: bytes, size: int) -> Split:
+    """Return the split of a compliance, the numbers of a matrix with `size` rows.
 
     With ``s = S m`` and ``c = m.S m`` the compressibility, ``D = inv(S)`` is ``D0 + m m' / c``,
     where D0 s = 0. D0 is found in the space of stresses without mean, so that nothing cancels.
@@ -104,6 +111,7 @@ def split_compliance(compliance: Floats) -> Split:
     plane) of ``1 / c``: the shape part of an isotropic law is then ``2 G strain``, kappa Lame's
     lambda.
     """
+    compliance = np.frombuffer(numbers).reshape(size, size)
     normals = 3 if len(compliance) == 6 else 2
     m = voigt.volumetric(normals)
     along = compliance @ m
@@ -129,6 +137,7 @@ def split_compliance(compliance: Floats) -> Split:
     shear, bulk = float(0.5 / eigenvalues[-1]), 0.0 if incompressible else total
     kept = 2.0 * shear / normals if incompressible else min(2.0 * shear / normals, 0.5 / total)
     shape = 0.5 * (shape + shape.T) + kept * np.outer(m, m)
+    shape.flags.writeable = False  # all who ask for this law share it
     return Split(shape, bulk / (1.0 - bulk * kept), shear, bulk)
 
 

@@ -49,6 +49,7 @@ class Contact:
         self.background = background
         self.swing: Floats | None = None
         self._loads: list[tuple[Ints, Floats]] = []
+        self._offsets: Floats = np.zeros(0)
         self._columns = np.zeros((0, 0))
         self._known_rows = 0
         self._w = np.zeros((0, 0))
@@ -166,7 +167,8 @@ class Contact:
         row = trial.weights.rows[which]
         used = np.flatnonzero(row)
         self.pieces.append(Piece(trial.weights.nodes[used], row[used], offset, compliance))
-        self.axial = np.append(self.axial, axial)
+        self._offsets = np.concatenate([self._offsets, offset])
+        self.axial = np.concatenate([self.axial, [axial]])
         self.covered = number + 1
         self.balance()
 
@@ -193,7 +195,9 @@ class Contact:
 
     def _gap(self) -> Floats:
         """Lateral distance of the covered pieces from the axis without any force on them."""
-        gap = np.concatenate([piece.offset for piece in self.pieces[: self.covered]])
+        gap = self._offsets[: self.covered * (self.dim - 1)]
+        if self.background is None:
+            return gap
         found: Floats = gap + self._background()[self._laterals]
         return found
 

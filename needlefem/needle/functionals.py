@@ -1,14 +1,13 @@
 """What the needle touches, as linear functionals of the displacement."""
 
-import dataclasses
+from typing import NamedTuple
 
 from needlefem.arrays import Floats, Ints
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.responses import Response
 
 
-@dataclasses.dataclass(frozen=True)
-class Piece:
+class Piece(NamedTuple):
     """A functional of the displacement that belongs to the needle.
 
     Parameters
@@ -28,8 +27,7 @@ class Piece:
     compliance: float
 
 
-@dataclasses.dataclass(frozen=True)
-class Trial:
+class Trial(NamedTuple):
     """Functionals tried beside the path, and the tissue's response to loads on them.
 
     Rows are functional-major: for each functional the axial, then the lateral components.
@@ -67,8 +65,7 @@ class Trial:
     displacement: Floats
 
 
-@dataclasses.dataclass(frozen=True)
-class Sliding:
+class Sliding(NamedTuple):
     """Axial displacement of the covered pieces when lateral forces follow.
 
     Parameters

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, Vector
+from needlefem.elements.quadrature import gauss_legendre
 from needlefem.fem.interpolation import Follower, Interpolation, Weights
 from needlefem.needle.axis import Axis
 from needlefem.needle.kernel import Kernel
@@ -50,7 +51,7 @@ class Instrument:
     @cached_property
     def piece_rule(self) -> tuple[Floats, Floats, Floats]:
         """Shares of the piece's length, offsets across it (m), and weights (sum 1) of points."""
-        nodes, weights = np.polynomial.legendre.leggauss(PIECE_POINTS)
+        nodes, weights = gauss_legendre(PIECE_POINTS)
         across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
         offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from needlefem.arrays import Floats, Points, Vector
+from needlefem.elements.quadrature import gauss_legendre
 
 
 class Kernel(Protocol):
@@ -64,7 +65,7 @@ class DiscKernel:
         self.radius, self._skin, self._inward = radius, skin, inward
         dim = len(inward)
         along, across = _split(points, dim)
-        nodes, self._along_weights = np.polynomial.legendre.leggauss(along)
+        nodes, self._along_weights = gauss_legendre(along)
         self._angle = 0.5 * np.pi * nodes
         self._across, self._across_weights = _unit_ball_rule(dim - 1, across)
         self._plane = np.linalg.svd(inward[None])[2][1:]
@@ -120,7 +121,7 @@ def _split(points: int, dim: int) -> tuple[int, int]:
 
 def _unit_ball_rule(dim: int, n: int) -> tuple[Points, Floats]:
     """Return a rule on the unit interval [-1, 1] (dim 1, n points) or disc (dim 2, n x 2n)."""
-    nodes, weights = np.polynomial.legendre.leggauss(n)
+    nodes, weights = gauss_legendre(n)
     if dim == 1:
         return nodes[:, None], weights
     radius = np.sqrt(0.5 * (1.0 + nodes))

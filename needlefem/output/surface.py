@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.arrays import Bools, Floats, Ints, Points
-from needlefem.fem.shapes import ShapeTable
+from needlefem.fem.shapes import ShapeTable, shape_table
 from needlefem.fem.space import Space
 
 PIECES = 20_000
@@ -83,7 +83,7 @@ class Surface:
         places = np.array([pattern.weights @ reference[local] for local in self._local])
         flat = places.reshape(-1, places.shape[2])
         ways = len(self._local), pattern.size
-        shapes = ShapeTable(mesh.elem())(flat).reshape(*ways, -1)[kinds]
+        shapes = shape_table(mesh.elem)(flat).reshape(*ways, -1)[kinds]
         found = mesh.doflocs.T[mesh.dofs.element_dofs[:, owners].T]
         self.rest = np.einsum("fpn,fnd->fpd", shapes, found).reshape(-1, mesh.dim())
         self._weights = ShapeTable(element)(flat).reshape(*ways, -1)[kinds]

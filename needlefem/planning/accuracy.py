@@ -35,7 +35,7 @@ def make_accurate(
         wanted.clock.lap("estimate")
         simulation = Simulation(sizes.scene(scene, wanted.target), watch=watch)
         if len(simulation.model.free_dofs) > most:
-            made = dataclasses.replace(made, plan=_short(made.plan, error, accuracy, most))
+            made = made._replace(plan=_short(made.plan, error, accuracy, most))
             break
         made = make(simulation, wanted, made.plan.solution.height, path=True)
     return made, tuple(trail)

@@ -2,9 +2,10 @@
 
 import dataclasses
 import time
+from typing import NamedTuple
 
 from needlefem.arrays import Floats, Vector
-from needlefem.checks.needle import needle_resolution, sticking_pieces
+from needlefem.checks.needle import needle_resolution
 from needlefem.checks.result import CheckResult
 from needlefem.checks.tissue import preflight
 from needlefem.errors import CheckFailedError
@@ -47,8 +48,7 @@ class Wanted:
     clock: Clock = dataclasses.field(default_factory=Clock)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Made:
+class Made(NamedTuple):
     """A plan, what it was made on, and the estimate of its error."""
 
     simulation: Simulation
@@ -95,7 +95,9 @@ def make(
 def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
     """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
     checks = [*preflight(simulation.model), needle_resolution(simulation)]
-    if simulation.steps:
+    if simulation.steps:  # a march knows nothing that sticks
+        from needlefem.checks.sticking import sticking_pieces  # noqa: PLC0415
+
         checks.append(sticking_pieces(simulation))
     failed = [check for check in checks if not check.passed]
     if failed:

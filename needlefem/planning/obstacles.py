@@ -1,7 +1,7 @@
 """Heights at which a needle keeps away from the obstacles of a scene."""
 
-import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 from needlefem.arrays import Vector
 from needlefem.needle.axis import Axis
@@ -17,8 +17,7 @@ Find = Callable[[Interval], "Candidate"]
 """Searches an interval of heights (m, relative to the target's)."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Candidate:
+class Candidate(NamedTuple):
     """What a search ended with: a height and the release there, None if out of reach."""
 
     solution: Solution

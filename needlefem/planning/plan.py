@@ -10,7 +10,6 @@ from needlefem.errors import CaseError
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
-from needlefem.planning.accuracy import make_accurate
 from needlefem.planning.making import Clock, Made, Wanted, make
 from needlefem.planning.result import Attempt, Evidence, Plan, PlanStatus, Refusal
 from needlefem.scene import Scene, vary
@@ -97,6 +96,8 @@ def _along(
     clock = Clock()
     wanted = Wanted(target=target, search=search, all_solutions=all_solutions, clock=clock)
     if scene.planning.accuracy > 0.0:
+        from needlefem.planning.accuracy import make_accurate  # noqa: PLC0415
+
         made, trail = make_accurate(scene, wanted, watch)
     else:
         made, trail = make(Simulation(scene, watch=watch), wanted), ()

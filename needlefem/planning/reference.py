@@ -72,7 +72,8 @@ class Exact:
     """Where releases near a target place on the exact tissue, from a few insertions there.
 
     The placement is smooth in the height: between three insertions at heights that span those of
-    the releases it is interpolated. Beyond `SPAN` on either side a release has its own insertion.
+    the releases it is interpolated. Beyond `SPAN` on either side, and deeper, a release has its own
+    insertion.
 
     Parameters
     ----------
@@ -117,11 +118,18 @@ class Exact:
         reached = [self._at(h, depth) for h in heights]
         place = float(height[0] - self._middle[0]) / SPAN
         shares = (0.5 * place * (place - 1.0), 1.0 - place**2, 0.5 * place * (place + 1.0))
-        placed = sum(share * point for share, point in zip(shares, reached, strict=True))
+        placed = np.zeros(len(self._target))
+        for share, point in zip(shares, reached, strict=True):
+            if point is None:
+                return true_error(self._simulation, made)
+            placed += share * point
         return float(np.linalg.norm(placed - self._target))
 
-    def _at(self, height: Floats, depth: float) -> Vector:
-        """Return what the tip reaches at a height when it is at a depth in the world."""
+    def _at(self, height: Floats, depth: float) -> Vector | None:
+        """Return what the tip reaches at a height when it is at a depth in the world.
+
+        None: deeper than the insertions that a plan needs.
+        """
         path = self._planner.path(height)
         reach = path.at_depth(depth - float(self._simulation.direction @ path.entry))
-        return np.full(len(self._target), np.inf) if reach is None else reach.point
+        return None if reach is None else reach.point

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -275,3 +277,23 @@ def test_the_papers_method_is_beside_ours(
     assert json.loads((tmp_path / "plan.json").read_text()) == record
     assert main([*arguments, "--search", "root"]) == 2
     assert "the paper's method is golden section" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("arguments", "status"), [(["info"], 0), (["plan", "nothing"], 2)])
+def test_process_says_all_and_ends_with_the_status(arguments: list[str], status: int) -> None:
+    command = [sys.executable, "-m", "needlefem", *arguments]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == status
+    said = ended.stdout if status == 0 else ended.stderr
+    assert said.startswith("needlefem")
+    assert said.endswith("\n")
+
+
+def test_process_ends_quietly_when_nobody_reads() -> None:
+    command = [sys.executable, "-m", "needlefem", "plan", CASE, *SMALL, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as ended:
+        assert ended.stdout is not None
+        assert ended.stderr is not None
+        ended.stdout.close()
+        said = ended.stderr.read().decode()
+    assert "Traceback" not in said

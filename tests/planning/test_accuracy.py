@@ -194,7 +194,12 @@ def test_benchmark_marks_the_front(thick: Scene) -> None:
 
 
 def test_benchmark_varies_sizes_steps_kernels_and_regimes(coarse: Scene) -> None:
-    assert "elsewhere x 1/2" in sizes(coarse.mesh)
+    assert set(sizes(coarse.mesh)) == {"as it is", "x 2", "x 1/2"}
+    refined = vary(coarse, {"mesh.refine.corridor_size": 1e-3, "mesh.divisions": (7, 7)})
+    changed = sizes(refined.mesh)
+    assert len(changed) == 6
+    assert changed["refined x 1/2, elsewhere x 2"]["mesh.refine.corridor_size"] == 5e-4
+    assert changed["elsewhere x 2"]["mesh.divisions"] == (4, 4)
     names = steps(resolve(coarse).scene)
     assert {"path spacing x 2", "kernel points x 4", "generalised-alpha"} <= set(names)
 

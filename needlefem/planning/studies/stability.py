@@ -86,7 +86,7 @@ def fine(scene: Scene) -> Scene:
             "discretisation.path_spacing": 8e-4,
             "needle.lateral_stiffness": 1e10,
             "needle.tip": "disc",
-            "mesh.divisions": (9, 9),
+            "mesh.divisions": (18, 18),
             "mesh.interfaces": "fitted",
             "mesh.refine.corridor_size": 0.25 * radius,
             "mesh.refine.corridor_width": 8e-3,
