@@ -1,6 +1,7 @@
 """One insertion with responses known: its price in back-substitutions, and where the time goes."""
 
 import cProfile
+import itertools
 import pstats
 import time
 from typing import Any
@@ -10,11 +11,14 @@ import numpy as np
 from needlefem.bench.timing import in_turn, median, processor_seconds
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
+from needlefem.fem.skin import Entry
 from needlefem.insertion.simulation import Simulation
 from needlefem.table import Table
 
 ROUNDS = 15
 WARM = 201
+BESIDE = 5e-6
+"""Height above the target's of a needle that is pushed in beside the last, m."""
 MOST = 400.0
 """Back-substitutions of its own model that an insertion may take at the size of the paper."""
 PAPER = 2_000
@@ -47,19 +51,23 @@ def run(case: str) -> Table:
     ready = Simulation(scene)
     entry = ready.entry_through(np.array(scene.target))
     found = ready.insert(entry)
+    beside = itertools.cycle(_beside(ready, side * BESIDE) for side in (1.0, -1.0))
     rhs = np.ones(len(ready.model.free_dofs))
     tasks = {
         "back-substitution": lambda: ready.model.factor.solve(rhs),
-        "insertion": lambda: ready.insert(entry),
+        "insertion": lambda: ready.insert(entry, guided=False),
+        "one beside the last": lambda: ready.insert(next(beside)),
     }
     seconds = in_turn(tasks, ROUNDS)
     warm = median(processor_seconds(lambda: ready.model.factor.solve(rhs), WARM))
-    unit, whole = median(seconds["back-substitution"]), median(seconds["insertion"])
-    shares = _shares(lambda: ready.insert(entry))
+    unit, whole, next_to = (median(seconds[name]) for name in tasks)
+    shares = _shares(lambda: ready.insert(entry, guided=False))
     rows: list[list[object]] = [
         ["back-substitution", 1e3 * unit, *_spread(seconds["back-substitution"]), 1, ""],
         ["the same, again and again", 1e3 * warm, "", "", "", ""],
         ["insertion", 1e3 * whole, *_spread(seconds["insertion"]), round(whole / unit), ""],
+        ["one beside the last", 1e3 * next_to, *_spread(seconds["one beside the last"]),
+         round(next_to / unit), ""],
         *([name, share * whole * 1e3, "", "", round(share * whole / unit), f"{100 * share:.0f} %"]
           for name, share in shares.items()),
     ]  # fmt: skip
@@ -72,11 +80,18 @@ def run(case: str) -> Table:
         rows=rows,
         passed=not bound or whole <= MOST * unit,
         note=f"{steps} steps, {found.evaluations} evaluations, {found.evaluations / steps:.1f} a "
-        f"step; {ready.responses.size} rows known; shares from a profile, which makes calls dearer"
+        f"step; beside: {2e6 * BESIDE:g} um apart, as in a search; {ready.responses.size} rows known; "
+        "shares from a profile, which makes calls dearer"
         + f"; {whole / warm:.0f} back-substitutions that find the factor in the cache"
         + (f"; an insertion may take {MOST:g} back-substitutions" if bound else ""),
         summary={"back_substitutions": whole / unit, "evaluations": found.evaluations},
     )
+
+
+def _beside(ready: Simulation, height: float) -> Entry:
+    """Return the entry at a height above that of the target, m."""
+    lateral = ready.instrument(ready.entry_of_case()).axis.laterals[0]
+    return ready.entry_through(np.array(ready.scene.target) + height * lateral)
 
 
 def _spread(seconds: list[float]) -> tuple[float, float]:

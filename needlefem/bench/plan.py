@@ -35,7 +35,7 @@ def run(case: str) -> Table:
         "tissue, stiffness": lambda: build_model(ready.scene, model.mesh).stiffness.matrix,
         "factorisation": lambda: model.stiffness.factor(model.free_dofs),
         "preflight": lambda: preflight(model),
-        "insertion, responses known": lambda: ready.insert(entry),
+        "insertion, responses known": lambda: ready.insert(entry, guided=False),
         "plan, responses known": lambda: Planner(ready, target).plan(),
         "plan, model included": lambda: Planner(Simulation(scene), target).plan(),
         "plan with evidence, from the scene": lambda: plan(scene),

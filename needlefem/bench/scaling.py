@@ -138,7 +138,7 @@ def measure(scene: Scene, size: int) -> Measured:
     if found.best is None:
         raise SimulationError(f"no plan on {model.ndofs} unknowns: {found.sentence}")
     entry = simulation.entry_through(np.array(scene.target))
-    spent = processor_seconds(lambda: simulation.insert(entry), ROUNDS)
+    spent = processor_seconds(lambda: simulation.insert(entry, guided=False), ROUNDS)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assembly, factor, plan = np.diff(clock)
     return Measured(

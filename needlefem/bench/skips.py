@@ -104,7 +104,8 @@ class Ways:
     def insert(self, simulation: Simulation | None = None) -> Insertion:
         """Push the needle in, somewhat deeper than where answers are compared."""
         beyond = self.depth + 4.0 * self.scene.discretisation.path_spacing
-        return (simulation or self.shared).insert(self.entry, lambda state: state.depth > beyond)
+        ready = simulation or self.shared
+        return ready.insert(self.entry, lambda state: state.depth > beyond, guided=False)
 
     def tip(self, simulation: Simulation | None = None) -> Any:
         """Return the material point at the tip at the depth of comparison."""

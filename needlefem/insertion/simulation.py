@@ -174,8 +174,13 @@ class Simulation:
             spacing=numbers.path_spacing,
         )
 
-    def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
-        """Push the needle in at an entry, to the largest depth or until `stop` says so."""
+    def insert(self, entry: Entry, stop: Stop | None = None, *, guided: bool = True) -> Insertion:
+        """Push the needle in at an entry, to the largest depth or until `stop` says so.
+
+        Where a march nearby was the last, it is begun with what that one learnt, if `guided`.
+        """
+        if not guided:
+            self._guide = None
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
         return self._run(self.course(entry, once), stop)
 

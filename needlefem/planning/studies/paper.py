@@ -191,5 +191,5 @@ def _insert(simulation: Simulation) -> float:
     entry = simulation.entry_through(np.array(simulation.scene.target))
     depth = float(simulation.direction @ (np.array(simulation.scene.target) - entry.point))
     begin = time.process_time()
-    simulation.insert(entry, lambda state: state.depth > depth)
+    simulation.insert(entry, lambda state: state.depth > depth, guided=False)
     return time.process_time() - begin
