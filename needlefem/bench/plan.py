@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from needlefem.bench.insertion import alone
 from needlefem.bench.timing import in_turn, median
 from needlefem.casefile.load import load_case
 from needlefem.checks.tissue import preflight
@@ -35,7 +36,7 @@ def run(case: str) -> Table:
         "tissue, stiffness": lambda: build_model(ready.scene, model.mesh).stiffness.matrix,
         "factorisation": lambda: model.stiffness.factor(model.free_dofs),
         "preflight": lambda: preflight(model),
-        "insertion, responses known": lambda: ready.insert(entry, guided=False),
+        "insertion, responses known": lambda: alone(ready, entry),
         "plan, responses known": lambda: Planner(ready, target).plan(),
         "plan, model included": lambda: Planner(Simulation(scene), target).plan(),
         "plan with evidence, from the scene": lambda: plan(scene),

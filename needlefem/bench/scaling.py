@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem.arrays import Floats, SkfemMesh
+from needlefem.bench.insertion import alone
 from needlefem.bench.timing import median, processor_seconds
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError, SimulationError
@@ -138,7 +139,7 @@ def measure(scene: Scene, size: int) -> Measured:
     if found.best is None:
         raise SimulationError(f"no plan on {model.ndofs} unknowns: {found.sentence}")
     entry = simulation.entry_through(np.array(scene.target))
-    spent = processor_seconds(lambda: simulation.insert(entry, guided=False), ROUNDS)
+    spent = processor_seconds(lambda: alone(simulation, entry), ROUNDS)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assembly, factor, plan = np.diff(clock)
     return Measured(

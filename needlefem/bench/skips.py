@@ -105,7 +105,8 @@ class Ways:
         """Push the needle in, somewhat deeper than where answers are compared."""
         beyond = self.depth + 4.0 * self.scene.discretisation.path_spacing
         ready = simulation or self.shared
-        return ready.insert(self.entry, lambda state: state.depth > beyond, guided=False)
+        ready.forget()
+        return ready.insert(self.entry, lambda state: state.depth > beyond)
 
     def tip(self, simulation: Simulation | None = None) -> Any:
         """Return the material point at the tip at the depth of comparison."""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from needlefem.bench.insertion import PAPER
 from needlefem.bench.timing import in_turn, median
 from needlefem.casefile.load import load_case
 from needlefem.insertion.result import Insertion
@@ -19,6 +20,9 @@ TURNS = 4
 """Times that the needle turns back and comes again."""
 SHARE = (0.7, 0.5)
 """Of the largest depth: how far in, and how far back."""
+TURNED = "marched in, then turned back and in again"
+MOST = 12.0
+"""Back-substitutions of its own model that a state which sticks and slips may take."""
 
 
 def run(case: str) -> Table:
@@ -31,7 +35,7 @@ def run(case: str) -> Table:
     motions = {
         "marched in": plain,
         "stepped in": vary(plain, {"discretisation.integrator": "quasi-static"}),
-        "marched in, then turned back and in again": vary(plain, {"motion.stages": turns}),
+        TURNED: vary(plain, {"motion.stages": turns}),
     }
     ready = {name: Simulation(motion) for name, motion in motions.items()}
     found = {name: move(simulation) for name, simulation in ready.items()}
@@ -44,18 +48,22 @@ def run(case: str) -> Table:
     seconds = {name: median(values) for name, values in in_turn(tasks, ROUNDS).items()}
     unit = seconds["back-substitution"]
     rows = [_row(name, found[name], seconds[name], unit) for name in motions]
+    dearest = seconds[TURNED] / len(found[TURNED].states) / unit
     return Table(
         title=f"{scene.title}: {model.ndofs} dofs, medians of {ROUNDS} rounds",
         columns=("motion", "states", "evaluations", "sticking and slipping", "ms a state",
                  "back-substitutions a state"),
         rows=rows,
+        passed=model.ndofs > PAPER or dearest <= MOST,
         note=f"pieces of {1e3 * spacing:.2g} mm, responses known; sticking and slipping: states in "
-        f"which pieces do both; a back-substitution takes {1e3 * unit:.3g} ms",
+        f"which pieces do both, of which one may take {MOST:g} back-substitutions at the size of "
+        f"the paper; a back-substitution takes {1e3 * unit:.3g} ms",
     )  # fmt: skip
 
 
 def move(simulation: Simulation) -> Insertion:
-    """Run the scene's motion."""
+    """Run the scene's motion, as if it were the first."""
+    simulation.forget()
     return simulation.move(simulation.entry_of_case())
 
 

@@ -10,8 +10,8 @@ from needlefem.insertion.simulation import Simulation
 def needle_resolution(simulation: Simulation) -> CheckResult:
     """Check that the mesh is not blind to the needle: elements of at most four tip radii.
 
-    Accurate answers need half a tip radius, of which `resolve` warns; beyond four radii the
-    mesh alone decides where the needle goes. The cells on the case's own line are measured.
+    Accurate answers need nodes half a tip radius apart, of which `resolve` warns; beyond four
+    radii the mesh alone decides where the needle goes. The cells on the case's own line count.
     """
     model, scene = simulation.model, simulation.scene
     entry = simulation.entry_of_case()

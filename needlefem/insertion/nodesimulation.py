@@ -86,13 +86,7 @@ class NodeSimulation(Simulation):
         n = self.numbers
         return TissueInTime(self.model, n.integrator, n.step, n.damping, refactor=n.refactor)
 
-    def insert(
-        self,
-        entry: Entry,
-        stop: Stop | None = None,
-        *,
-        guided: bool = True,  # noqa: ARG002 steps in time are not
-    ) -> Insertion:
+    def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
         """Push the needle in at the motion's speed; see `Simulation.insert`."""
         motion, needle = self.scene.motion, self.instrument(entry)
         self.insertions += 1

@@ -174,15 +174,17 @@ class Simulation:
             spacing=numbers.path_spacing,
         )
 
-    def insert(self, entry: Entry, stop: Stop | None = None, *, guided: bool = True) -> Insertion:
+    def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
         """Push the needle in at an entry, to the largest depth or until `stop` says so.
 
-        Where a march nearby was the last, it is begun with what that one learnt, if `guided`.
+        Where a march nearby was the last, it begins with what that one learnt.
         """
-        if not guided:
-            self._guide = None
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
         return self._run(self.course(entry, once), stop)
+
+    def forget(self) -> None:
+        """Begin the next march without what the last one learnt."""
+        self._guide = None
 
     def move(self, entry: Entry) -> Insertion:
         """Let the needle do at an entry all that the scene's motion says."""

@@ -190,6 +190,7 @@ def _times(scene: Scene) -> Table:
 def _insert(simulation: Simulation) -> float:
     entry = simulation.entry_through(np.array(simulation.scene.target))
     depth = float(simulation.direction @ (np.array(simulation.scene.target) - entry.point))
+    simulation.forget()
     begin = time.process_time()
-    simulation.insert(entry, lambda state: state.depth > depth, guided=False)
+    simulation.insert(entry, lambda state: state.depth > depth)
     return time.process_time() - begin
