@@ -114,7 +114,7 @@ def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     assert plan.best is not None
     insertion = plan.insertion
     number = _state(insertion, plan.best.release_point)
-    if simulation.steps or not _marched(insertion, number):
+    if not _marched(insertion, number):
         return _carried_out(finer, plan)
     axis, state = insertion.axis, insertion.states[number]
     own = _Contact(simulation.model, axis.frame, _on_own(insertion, number))
@@ -136,7 +136,9 @@ def _state(insertion: Insertion, point: Vector) -> int:
 def _marched(insertion: Insertion, number: int) -> bool:
     """Say whether every state up to one cut a piece, as on a march that nothing stopped."""
     first = insertion.first_cut
-    return first is not None and len(insertion.states[number].axial) == number - first + 1
+    if first is None or insertion.energies is not None:  # which only steps keep
+        return False
+    return len(insertion.states[number].axial) == number - first + 1
 
 
 def _rate(insertion: Insertion, number: int) -> Vector:
