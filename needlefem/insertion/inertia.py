@@ -100,6 +100,7 @@ class DynamicMedium:
         self._energies = dict.fromkeys(TERMS, 0.0)
         self._forces, self._needed, self._pace = np.zeros((3, system.size))
         self.motion: Motion | None = None
+        self._start: Motion
         self.background: Floats | None = None
         self._loose: list[float] = []
         self._past = np.inf
@@ -113,18 +114,18 @@ class DynamicMedium:
         self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
         if self.motion is None:
             self.motion = self._stepper.at_rest()
-        elif duration > GROWN * self._past:  # what short steps resolved, long ones would amplify
-            self.motion = dataclasses.replace(self.motion, a=np.zeros_like(self.motion.a))
+        self._start = self.motion
+        if duration > GROWN * self._past:  # what short steps resolved, long ones would amplify
+            self._start = dataclasses.replace(self.motion, a=np.zeros_like(self.motion.a))
         share = self._stepper.weights.force
         carried = share * self._forces if share else None
-        self._free = self._stepper.free_motion(self.motion, carried)
+        self._free = self._stepper.free_motion(self._start, carried)
         self.background = self.system.nodal(self._free)
 
     def swing(self, pieces: Sequence[Piece], direction: Vector) -> Floats:
         """See `Medium`."""
-        assert self.motion is not None
         half, weights = 0.5 * self._stepper.step, self._stepper.weights
-        fields = [self.system.nodal(half * v) @ direction for v in (self.motion.v, self._pace)]
+        fields = [self.system.nodal(half * v) @ direction for v in (self._start.v, self._pace)]
         ways = [[piece.weights @ field[piece.nodes] for piece in pieces] for field in fields]
         for piece in pieces[len(self._loose) :]:
             load = np.zeros((self.model.nnodes, self.model.dim))
@@ -150,8 +151,7 @@ class DynamicMedium:
 
     def finish(self, load: Floats) -> None:
         """See `Medium`."""
-        assert self.motion is not None
-        stepper, old, force = self._stepper, self.motion, load[self.model.free_dofs]
+        stepper, old, force = self._stepper, self._start, load[self.model.free_dofs]
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
         self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
         needed = self._force_of(old, self.motion)
