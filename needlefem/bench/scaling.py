@@ -30,6 +30,9 @@ ROUNDS = 5
 SLOWER, TIME_SLOPE, MEMORY_SLOPE, FACTORISATIONS = 2.0, 1.35, 1.15, 6.0
 """Largest ratio of an insertion's time to that of the smallest mesh, largest slopes of a cold
 plan's time and memory over the unknowns, and most factorisations that it may take at the end."""
+CAREFUL, CLOSE = 0.5, 0.97
+"""Share of what is wanted that a round aims at, as neighbours are cut too; share of the wanted
+unknowns at which a mesh is large enough."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,15 +162,19 @@ def grown(scene: Scene, size: int) -> SkfemMesh:
     """Return the scene's mesh, refined away from the needle until it has so many unknowns."""
     mesh = build_mesh(scene)
     contours = {n: r.contour for n, r in scene.regions.items() if r.group is None}
-    while True:
-        ndofs = build_model(scene, mesh).ndofs
+    ndofs = build_model(scene, mesh).ndofs
+    gain = 3.0 * ndofs / mesh.nelements  # unknowns that cutting a cell brings; then as measured
+    while ndofs <= CLOSE * size:
         outside = np.flatnonzero(_beside(scene, mesh) > _room(scene))
-        if ndofs > 0.97 * size or not outside.size:
-            return mesh
-        wanted = int((size - ndofs) / (3.0 * ndofs / mesh.nelements)) + 1
+        if not outside.size:
+            break
+        wanted = int(CAREFUL * (size - ndofs) / gain) + 1
         largest = outside[np.argsort(-cell_sizes(mesh)[outside])][:wanted]
         finer = type(mesh)(mesh.p, mesh.t).refined(np.sort(largest))  # names go with refinement
         mesh = name_faces(name_regions(finer, contours), scene.axes)
+        before, ndofs = ndofs, build_model(scene, mesh).ndofs
+        gain = max(gain, (ndofs - before) / len(largest))
+    return mesh
 
 
 def _room(scene: Scene) -> float:

@@ -138,9 +138,7 @@ class CorridorColumns:
     def __init__(self, model: Model, corridor: Corridor) -> None:
         self._model, self._room = model, corridor.halfwidth
         self._whole = WholeColumns(model.factor, len(model.free_dofs))
-        node = np.zeros(model.ndofs, dtype=np.intp)
-        node[model.node_dofs] = np.arange(model.nnodes)[:, None]
-        self._node: Ints = node[model.free_dofs]
+        self._node: Ints = model.node_of[model.free_dofs]
         self._places: Floats = corridor.places(model.nodes)
         ends = corridor.places(np.array([corridor.begin, corridor.end]))
         self._low = ends.min(axis=0) - self._room

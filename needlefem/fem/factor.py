@@ -10,15 +10,20 @@ from importlib import import_module
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse.linalg import splu
+from scipy.sparse import csr_array, eye_array
+from scipy.sparse.linalg import spilu, splu
 
-from needlefem.arrays import Floats, Sparse
+from needlefem.arrays import Floats, Ints, Sparse
 from needlefem.errors import SimulationError
 
 PIVOT = 0.1
 """Least size of a pivot on the diagonal, relative to its column, in indefinite matrices."""
 FEWEST_FOR_CHOLMOD = 5_000
 """Unknowns below which both cost the same and SuperLU needs no import."""
+FEWEST_FOR_GROUPS = 50_000
+"""Unknowns from which on ordering nodes is cheaper than ordering unknowns."""
+WEAK = 1e-3
+"""Couplings of nodes as they are ordered: their number counts, not their size."""
 
 
 class Factor(Protocol):
@@ -34,7 +39,9 @@ class Factor(Protocol):
         ...
 
 
-def factorise(matrix: Sparse, *, definite: bool = True, backend: str = "auto") -> Factor:
+def factorise(
+    matrix: Sparse, *, definite: bool = True, backend: str = "auto", groups: Ints | None = None
+) -> Factor:
     """Factorise a symmetric sparse matrix, positive definite unless said otherwise.
 
     Parameters
@@ -44,6 +51,8 @@ def factorise(matrix: Sparse, *, definite: bool = True, backend: str = "auto") -
     definite : bool
     backend : str
         ``"superlu"``, ``"cholmod"`` (definite matrices only), or the cheaper of those installed.
+    groups : array, shape (n,), optional
+        Number of the node, or of what else couples as one, that every unknown belongs to.
 
     Raises
     ------
@@ -56,6 +65,8 @@ def factorise(matrix: Sparse, *, definite: bool = True, backend: str = "auto") -
     large = matrix.shape[0] >= FEWEST_FOR_CHOLMOD
     if backend == "cholmod" or (backend == "auto" and definite and large and cholmod()):
         return CholmodFactor(matrix)
+    if groups is not None and matrix.shape[0] >= FEWEST_FOR_GROUPS:
+        return GroupedFactor(matrix, groups, definite=definite)
     return SuperLUFactor(matrix, definite=definite)
 
 
@@ -68,11 +79,11 @@ class SuperLUFactor:
 
     name = "SuperLU, symmetric, minimum degree"
 
-    def __init__(self, matrix: Sparse, *, definite: bool = True) -> None:
+    def __init__(self, matrix: Sparse, *, definite: bool = True, ordered: bool = False) -> None:
         try:
             self._factor = splu(
                 matrix.tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
+                permc_spec="NATURAL" if ordered else "MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0 if definite else PIVOT,
                 options={"SymmetricMode": True},
             )
@@ -84,6 +95,53 @@ class SuperLUFactor:
     def entries(self) -> int:
         """Entries of both factors."""
         return int(self._factor.L.nnz + self._factor.U.nnz)
+
+
+class GroupedFactor:
+    """SuperLU, for which nodes are ordered and not their unknowns; see `Factor`.
+
+    The order is of the same kind, but SuperLU spends most of its time on it where there are many
+    unknowns: nodes are half as many, with a quarter of the couplings.
+    """
+
+    name = "SuperLU, symmetric, minimum degree of nodes"
+
+    def __init__(self, matrix: Sparse, groups: Ints, *, definite: bool = True) -> None:
+        self._order = _order(matrix, groups)
+        ordered = matrix.tocsr()[self._order][:, self._order]
+        self._factor = SuperLUFactor(ordered, definite=definite, ordered=True)
+
+    def solve(self, rhs: Floats) -> Floats:
+        """See `Factor`."""
+        found = np.empty_like(rhs)
+        found[self._order] = self._factor.solve(rhs[self._order])
+        return found
+
+    @property
+    def entries(self) -> int:
+        """Entries of both factors."""
+        return self._factor.entries
+
+
+def _order(matrix: Sparse, groups: Ints) -> Ints:
+    """Return the unknowns of a symmetric matrix group by group, groups by minimum degree."""
+    size, count = matrix.shape[0], int(groups.max()) + 1
+    gather = csr_array((np.ones(size), (groups, np.arange(size))), shape=(count, size))
+    rows = matrix.tocsr()
+    pattern = csr_array((np.ones(rows.nnz), rows.indices, rows.indptr), shape=rows.shape)
+    coupled = (gather @ pattern @ gather.T).tocsc()
+    coupled.data[:] = WEAK
+    # an incomplete factorisation that keeps next to nothing tells SuperLU's order
+    told = spilu(
+        (coupled + eye_array(count)).tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        drop_tol=0.9,
+        fill_factor=1.0,
+        options={"SymmetricMode": True},
+    )
+    found: Ints = np.argsort(told.perm_c[groups], kind="stable")
+    return found
 
 
 class CholmodFactor:

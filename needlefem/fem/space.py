@@ -54,6 +54,13 @@ class Space:
             self.node_dofs[self.cell_nodes.T, axis] = self.basis.element_dofs[axis :: self.dim]
         self.nodes: Points = self.basis.doflocs[:, self.node_dofs[:, 0]].T
 
+    @cached_property
+    def node_of(self) -> Ints:
+        """Node of every dof, shape (ndofs,)."""
+        node = np.empty(self.ndofs, dtype=np.intp)
+        node[self.node_dofs] = np.arange(self.nnodes)[:, None]
+        return node
+
     def dofs_on(self, facets: Ints, axes: Sequence[int] | None = None) -> Ints:
         """Return the dofs of all nodes on facets, of some components (all when left out)."""
         chosen = np.zeros(self.ndofs, dtype=bool)

@@ -146,10 +146,13 @@ class Stiffness:
             Incompressible tissue is enclosed on all sides.
         """
         system, scale = self.system(free, stiffness, mass)
+        nodes = self._space.node_of[free]
         if self._element.definite:
-            return factorise(system)
+            return factorise(system, groups=nodes)
         pressures = system.shape[0] - len(free)
-        return _MixedFactor(factorise(system, definite=False), len(free), pressures, scale)
+        groups = np.concatenate([nodes, self._space.nnodes + np.arange(pressures)])
+        whole = factorise(system, definite=False, groups=groups)
+        return _MixedFactor(whole, len(free), pressures, scale)
 
     def system(
         self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None

@@ -6,7 +6,7 @@ from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.build import build_model
 from needlefem.fem.columns import Corridor, CorridorColumns, WholeColumns
-from needlefem.fem.factor import cholmod, factorise
+from needlefem.fem.factor import GroupedFactor, SuperLUFactor, cholmod, factorise
 from needlefem.fem.responses import DirectResponses, SharedResponses
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic
@@ -184,3 +184,27 @@ def test_singular_and_broken_matrices_are_refused() -> None:
         factorise(csc_array(np.zeros((3, 3)) + np.diag([1.0, 0.0, 1.0])))
     with pytest.raises(SimulationError, match="not finite"):
         factorise(csc_array(np.array([[np.nan, 0.0], [0.0, 1.0]])))
+
+
+@pytest.mark.parametrize("element", ["P1", "P2", "P2-P1"])
+def test_nodes_in_order_solve_as_unknowns_do(
+    organ: Scene, element: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = Simulation(vary(organ, {"discretisation.element": element})).model
+    loads = np.random.default_rng(7).normal(size=(model.ndofs, 3))
+    plain = model.solve(loads)
+    monkeypatch.setattr("needlefem.fem.factor.FEWEST_FOR_GROUPS", 0)
+    factor = model.stiffness.factor(model.free_dofs)
+    moved = factor.solve(loads[model.free_dofs])
+    assert "of nodes" in factor.name
+    assert moved == pytest.approx(plain[model.free_dofs], abs=1e-11 * np.abs(plain).max())
+    one = factor.solve(loads[model.free_dofs, 0])
+    assert one == pytest.approx(moved[:, 0], abs=1e-12 * np.abs(moved).max())
+
+
+def test_nodes_in_order_fill_no_more_than_unknowns_do(organ: Scene) -> None:
+    model = Simulation(vary(organ, {"discretisation.element": "P2"})).model
+    matrix, _ = model.stiffness.system(model.free_dofs)
+    nodes = model.node_of[model.free_dofs]
+    ordered, plain = GroupedFactor(matrix, nodes), SuperLUFactor(matrix)
+    assert ordered.entries < 1.2 * plain.entries  # ties are broken in another way
