@@ -69,8 +69,8 @@ def run(case: str) -> Table:
     taken = last.cold / last.factor
     rows = [
         [
-            one.unknowns, one.assembly, one.factor, one.unordered, one.responses_and_plan, one.cold / one.factor,
-            1e3 * one.insertion, one.insertion / first.insertion, one.rows, one.solves,
+            one.unknowns, one.assembly, one.factor, one.unordered, one.responses_and_plan,
+            one.cold / one.factor, 1e3 * one.insertion, one.insertion / first.insertion, one.rows, one.solves,
             round(one.memory),
         ]
         for one in found
@@ -89,7 +89,8 @@ def run(case: str) -> Table:
         f"(may be {TIME_SLOPE:g}), memory {slopes['memory']:.2f} (may be {MEMORY_SLOPE:g}); "
         f"insertion: responses known, may be {SLOWER:g} times the first; the last may take "
         f"{FACTORISATIONS:g} factors; rows: of the compliance; solves: with the whole factor; "
-        f"MB: beyond imports; by unknowns: ordered by SuperLU itself; release points within {1e3 * apart:.2g} mm of the last",
+        f"MB: beyond imports; by unknowns: ordered by SuperLU itself; release points within "
+        f"{1e3 * apart:.2g} mm of the last",
         summary={"slopes": slopes, "slower": slower, "factorisations": taken},
         charts={"cost over unknowns": _chart(found)},
     )  # fmt: skip
