@@ -70,8 +70,8 @@ def run(case: str) -> Table:
     rows = [
         [
             one.unknowns, one.assembly, one.factor, one.unordered, one.responses_and_plan,
-            one.cold / one.factor, 1e3 * one.insertion, one.insertion / first.insertion, one.rows, one.solves,
-            round(one.memory),
+            one.cold / one.factor, 1e3 * one.insertion, one.insertion / first.insertion,
+            one.rows, one.solves, round(one.memory),
         ]
         for one in found
     ]  # fmt: skip
