@@ -6,6 +6,7 @@ import sys
 
 from needlefem.bench.timing import children_seconds, median
 from needlefem.errors import SimulationError
+from needlefem.output.verification.charts import Bar, bars
 from needlefem.table import Table
 
 ROUNDS = 9
@@ -49,6 +50,11 @@ def run(case: str) -> Table:
                  "not needed"),
         rows=rows,
         passed=ratio <= MOST,
+        charts={
+            case: bars("whole processes", "seconds of processor time", [
+                Bar(name, median(spent), min(spent), max(spent)) for name, spent in seconds.items()
+            ])
+        },
         note=f"the ratio of the plan command may be {MOST:g}; not needed: imported all the same",
         summary={"ratio": ratio},
     )  # fmt: skip

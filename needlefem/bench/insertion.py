@@ -14,6 +14,7 @@ from needlefem.errors import CaseError
 from needlefem.fem.skin import Entry
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.output.verification.charts import Bar, bars
 from needlefem.table import Table
 
 ROUNDS = 15
@@ -63,7 +64,7 @@ def run(case: str) -> Table:
     warm = median(processor_seconds(lambda: ready.model.factor.solve(rhs), WARM))
     unit, whole, next_to = (median(seconds[name]) for name in tasks)
     shares = _shares(lambda: alone(ready, entry))
-    rows: list[list[object]] = [
+    rows: list[list[Any]] = [
         ["back-substitution", 1e3 * unit, *_spread(seconds["back-substitution"]), 1, ""],
         ["the same, again and again", 1e3 * warm, "", "", "", ""],
         ["insertion", 1e3 * whole, *_spread(seconds["insertion"]), round(whole / unit), ""],
@@ -85,8 +86,17 @@ def run(case: str) -> Table:
         "shares from a profile, which makes calls dearer"
         + f"; {whole / warm:.0f} back-substitutions that find the factor in the cache"
         + (f"; an insertion may take {MOST:g} back-substitutions" if bound else ""),
+        charts={
+            scene.title: bars("an insertion and its parts", "milliseconds", list(map(_bar, rows)))
+        },
         summary={"back_substitutions": whole / unit, "evaluations": found.evaluations},
     )
+
+
+def _bar(row: list[Any]) -> Bar:
+    """Return the bar of a row: of a whole with its spread, or of a share."""
+    name, middle, least, most, *_, share = row
+    return Bar(name, middle, least or None, most or None, series=int(bool(share)))
 
 
 def alone(simulation: Simulation, entry: Entry) -> Insertion:

@@ -10,6 +10,7 @@ from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_mesh, build_model
 from needlefem.insertion.simulation import Simulation
+from needlefem.output.verification.charts import Bar, bars
 from needlefem.planning.paper import own_plan, paper_plan
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
@@ -68,6 +69,12 @@ def run(case: str) -> Table:
             for name, value in middle.items()
         ],
         passed=passed,
+        charts={
+            scene.title: bars("stages of a plan", "milliseconds", [
+                Bar(name, 1e3 * value, 1e3 * min(seconds[name]), 1e3 * max(seconds[name]))
+                for name, value in middle.items()
+            ])
+        },
         note="; ".join(notes),
     )  # fmt: skip
 

@@ -17,6 +17,7 @@ from needlefem.insertion.fields import displacements
 from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.output.verification.charts import Bar, bars
 from needlefem.planning.planner import Planner
 from needlefem.planning.studies.dynamics import DAMPING, moving
 from needlefem.resolve import resolve
@@ -67,7 +68,7 @@ def run(case: str) -> Table:
 
 def table(scene: Scene) -> Table:
     """Return the table of a resolved scene."""
-    rows: list[list[object]] = []
+    rows: list[list[Any]] = []
     passed = True
     for skip in skips(scene):
         apart = float(np.max(np.abs(np.asarray(skip.lean()) - np.asarray(skip.full()))))
@@ -81,6 +82,12 @@ def table(scene: Scene) -> Table:
                  "allowed"),
         rows=rows,
         passed=passed,
+        charts={
+            scene.title: bars("without and with what is skipped", "milliseconds", [
+                Bar(f"{row[0]}, {word}", row[2 + series], series=series)
+                for row in rows for series, word in enumerate(("without", "with"))
+            ])
+        },
         note="difference: of places of the tip, of what the needle touches, or of releases",
     )  # fmt: skip
 

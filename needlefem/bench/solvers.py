@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import splu
@@ -14,6 +15,7 @@ from needlefem.elements import CATALOGUE
 from needlefem.fem.build import build_model
 from needlefem.fem.columns import BLOCK
 from needlefem.fem.factor import CholmodFactor, SuperLUFactor, cholmod
+from needlefem.output.verification.charts import Bar, bars
 from needlefem.resolve import resolve, with_element
 from needlefem.table import Table
 
@@ -51,7 +53,7 @@ class _Costs:
 def run(case: str) -> Table:
     """Factorise the case's tissue with every element and all that can do it."""
     scene = load_case(case)
-    rows: list[list[object]] = []
+    rows: list[list[Any]] = []
     for name, element in CATALOGUE.items():
         model = build_model(resolve(with_element(scene, name)).scene)
         matrix = model.stiffness.system(model.free_dofs)[0].tocsc()
@@ -62,12 +64,18 @@ def run(case: str) -> Table:
             solver, found = _costs(way, matrix)
             times = (1e3 * found.factor, 1e3 * found.single, 1e3 * found.block)
             rows.append([name, matrix.shape[0], solver, *times, found.fill])
+    solvers = list(dict.fromkeys(row[2] for row in rows))
     missing = "" if cholmod() is not None else "; CHOLMOD is not installed here"
     return Table(
         title=f"{scene.title}: factorisations, medians of {ROUNDS} rounds",
         columns=("element", "unknowns", "solver", "factor (ms)", "one rhs (ms)",
                  f"each of {BLOCK} (ms)", "fill"),
         rows=rows,
+        charts={
+            scene.title: bars("factorisations", "milliseconds", [
+                Bar(f"{row[0]}, {row[2]}", row[3], series=solvers.index(row[2])) for row in rows
+            ])
+        },
         note=f"fill: entries of both factors over those of the matrix{missing}",
     )  # fmt: skip
 

@@ -11,6 +11,7 @@ from needlefem.casefile.load import load_case
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
+from needlefem.output.verification.charts import Bar, bars
 from needlefem.resolve import tip_element_size
 from needlefem.scene import Stage, vary
 from needlefem.table import Table
@@ -54,6 +55,11 @@ def run(case: str) -> Table:
         columns=("motion", "states", "evaluations", "sticking and slipping", "ms a state",
                  "back-substitutions a state"),
         rows=rows,
+        charts={
+            scene.title: bars("a state of a needle in motion", "milliseconds", [
+                Bar(name, 1e3 * seconds[name] / len(found[name].states)) for name in motions
+            ])
+        },
         passed=model.ndofs > PAPER or dearest <= MOST,
         note=f"pieces of {1e3 * spacing:.2g} mm, responses known; sticking and slipping: states in "
         f"which pieces do both, of which one may take {MOST:g} back-substitutions at the size of "

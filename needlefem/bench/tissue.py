@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from needlefem.dynamics import (
 )
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
+from needlefem.output.verification.charts import Line, loglog
 from needlefem.resolve import resolve, with_element
 from needlefem.scene import BoxMesh, Scene
 from needlefem.table import Table
@@ -32,13 +34,19 @@ WORK = 1e6
 MOST = 1.2
 """Largest ratio of a damped Newmark step to its two products and its back-substitution."""
 STEP = 1e-3
+SHORT = {
+    "M x, K x, back-substitution": "bare products",
+    "generalised-alpha, damped": "gen.-alpha, damped",
+    "central difference, lumped mass": "central differences",
+}
+"""Names for the chart's legend."""
 DAMPING = Damping(mass_rate=1.0, stiffness_time=1e-4)
 
 
 def run(case: str) -> Table:
     """Time steps of all integrators on the case's tissue, P1, on finer and finer boxes."""
     scene = load_case(case)
-    rows: list[list[object]] = []
+    rows: list[list[Any]] = []
     worst = 0.0
     for size in SIZES:
         found, unknowns, bare = _times(_with_unknowns(scene, size))
@@ -50,11 +58,23 @@ def run(case: str) -> Table:
         title=f"{scene.title}: time steps of the tissue, medians of {ROUNDS} rounds",
         columns=("unknowns", "a step of", "ms", "ratio"),
         rows=rows,
+        charts={scene.title: _chart(rows)},
         passed=worst <= MOST,
         note="ratio: over M x, K x and one back-substitution of the step's operator; for Newmark "
         f"it may be {MOST:g}",
         summary={"worst": worst},
     )
+
+
+def _chart(rows: list[list[Any]]) -> str:
+    lines = [
+        Line(
+            SHORT.get(name, name),
+            *zip(*((row[0], row[2]) for row in rows if row[1] == name), strict=True),
+        )
+        for name in dict.fromkeys(row[1] for row in rows)
+    ]
+    return loglog("a time step of the tissue", "unknowns", "milliseconds", lines)
 
 
 def _with_unknowns(scene: Scene, size: int) -> Scene:

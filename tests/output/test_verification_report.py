@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from needlefem.errors import NoRendererError
 from needlefem.fem.statics import Statics
 from needlefem.materials import Isotropic
 from needlefem.output.verification import page
-from needlefem.output.verification.charts import Line, loglog
+from needlefem.output.verification.charts import Bar, Line, bars, loglog
 
 
 class Strict(HTMLParser):
@@ -112,3 +113,16 @@ def test_exact_answers_have_no_place_on_logarithmic_axes() -> None:
     exact = Line("exact", (10, 20), (0.0, 0.0))
     assert loglog("t", "x", "y", [exact]) == ""
     assert "exact" not in loglog("t", "x", "y", [exact, Line("other", (10, 20), (1e-2, 1e-3))])
+
+
+def test_bars_are_as_long_as_their_logarithms() -> None:
+    drawn = bars(
+        "t", "ms", [Bar("one", 1.0), Bar("ten", 10.0, 5.0, 20.0, series=1), Bar("no", 0.0)]
+    )
+    widths = [float(w) for w in re.findall(r'<rect [^>]*width="([\d.]+)"', drawn)]
+    assert len(widths) == 2
+    per_decade = 290.0 / 3.0  # from 0.1 to 100
+    assert widths == pytest.approx([per_decade, 2.0 * per_decade], abs=0.1)
+    assert drawn.count('stroke="#000000"') == 1  # whiskers of the one with a spread
+    assert ">no<" not in drawn
+    assert bars("t", "ms", [Bar("no", 0.0)]) == ""

@@ -1,4 +1,4 @@
-"""Charts with logarithmic axes as inline SVG: errors over unknowns, errors over seconds."""
+"""Charts with logarithmic axes as inline SVG: errors over unknowns or seconds, times as bars."""
 
 import dataclasses
 import math
@@ -11,6 +11,8 @@ COLOURS = (
 """Safe for the colour-blind (Okabe and Ito)."""
 DASHES = ("", "7 4", "2 3", "9 3 2 3")
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 560.0, 340.0, 64.0, 172.0, 30.0, 44.0
+ROW, BAR, LONGEST, LETTER = 19.0, 12.0, 290.0, 6.6
+"""Of bars: height of a row and of the bar in it, length of the longest, width of a letter."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +23,17 @@ class Line:
     x: Sequence[float]
     y: Sequence[float]
     ringed: Sequence[int] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Bar:
+    """A named positive number with the least and the most that was found; of a series."""
+
+    name: str
+    value: float
+    least: float | None = None
+    most: float | None = None
+    series: int = 0
 
 
 class _Axis:
@@ -60,6 +73,48 @@ def loglog(
     size = f'viewBox="0 0 {WIDTH:g} {HEIGHT:g}"'
     label = escape(title, quote=True)
     return f'<svg {size} role="img" aria-label="{label}">{"".join(parts)}</svg>'
+
+
+def bars(title: str, label: str, rows: Sequence[Bar]) -> str:
+    """Return a chart of bars on one logarithmic axis, with whiskers from the least to the most.
+
+    What is not positive is left out.
+    """
+    shown = [bar for bar in rows if bar.value > 0.0 and (bar.least is None or bar.least > 0.0)]
+    if not shown:
+        return ""
+    ends = [end for bar in shown for end in (bar.value, bar.least, bar.most) if end is not None]
+    names = 24.0 + LETTER * max(len(bar.name) for bar in shown)
+    across = _Axis(ends, names, names + LONGEST)
+    bottom = TOP + ROW * len(shown) + 4.0
+    parts = [_text(12.0, 16.0, title, 'class="title"')]
+    for power in across.ticks:
+        x = across.at(10.0**power)
+        parts.append(f'<path class="grid" d="M{x:.1f} {TOP:g}V{bottom:g}"/>')
+        parts.append(_power(x, bottom + 18.0, power, 'text-anchor="middle"'))
+    for number, bar in enumerate(shown):
+        parts += _bar(bar, TOP + ROW * (number + 0.5) + 2.0, across, names)
+    middle = names + 0.5 * LONGEST
+    parts.append(_text(middle, bottom + BOTTOM - 8.0, label, 'text-anchor="middle"'))
+    size = f'viewBox="0 0 {names + LONGEST + 24.0:g} {bottom + BOTTOM:g}"'
+    called = escape(title, quote=True)
+    return f'<svg {size} role="img" aria-label="{called}">{"".join(parts)}</svg>'
+
+
+def _bar(bar: Bar, y: float, across: _Axis, names: float) -> list[str]:
+    colour = COLOURS[bar.series % len(COLOURS)]
+    left, right = across.at(10.0**across.low), across.at(bar.value)
+    box = f'x="{left:.1f}" y="{y - 0.5 * BAR:.1f}" width="{right - left:.1f}" height="{BAR:g}"'
+    parts = [
+        _text(names - 8.0, y + 4.0, bar.name, 'text-anchor="end"'),
+        f'<rect {box} fill="{colour}" fill-opacity="0.75"/>',
+    ]
+    if bar.least is not None and bar.most is not None:
+        low, high = across.at(bar.least), across.at(bar.most)
+        ends = f"M{low:.1f} {y - 3:.1f}v6M{high:.1f} {y - 3:.1f}v6"
+        line = f'd="M{low:.1f} {y:.1f}H{high:.1f}{ends}"'
+        parts.append(f'<path {line} fill="none" stroke="#000000" stroke-width="1.2"/>')
+    return parts
 
 
 def _text(x: float, y: float, text: str, extra: str = "") -> str:
