@@ -137,9 +137,17 @@ def zero_modes(model: Model) -> int:
 
 
 def _probe_loads(model: Model) -> Floats:
-    """Return loads at two cells' centroids, one along every axis, shape (ndofs, 2 dim)."""
-    count = model.mesh.nelements
-    cells = [count // 3, (2 * count) // 3]
+    """Return loads at two cells' centroids, one along every axis, shape (ndofs, 2 dim).
+
+    The first cells from a third and from two thirds of the mesh on of which nothing is held.
+    """
+    held = np.zeros(model.ndofs, dtype=bool)
+    held[model.held_dofs] = True
+    loose = np.flatnonzero(~held[model.node_dofs[model.cell_nodes]].any(axis=(1, 2)))
+    if not loose.size:
+        loose = np.arange(model.mesh.nelements)
+    wanted = np.arange(1, 3) * model.mesh.nelements // 3
+    cells = loose[np.minimum(np.searchsorted(loose, wanted), len(loose) - 1)]
     weights = model.interpolation.at(model.mesh.p[:, model.mesh.t[:, cells]].mean(axis=1).T)
     loads = np.zeros((model.ndofs, 2, model.dim))
     for axis, dofs in enumerate(model.node_dofs[weights.nodes].T):

@@ -85,3 +85,12 @@ def test_held_box_has_no_zero_frequency(model: Model) -> None:
     frequencies = eigenfrequencies(model, 3)
     assert frequencies[0] > 1.0
     assert np.all(np.diff(frequencies) >= 0.0)
+
+
+def test_probes_keep_off_what_is_held(model: Model) -> None:
+    count = model.mesh.nelements
+    bone = np.unique(model.node_dofs[model.cell_nodes[[count // 3, 2 * count // 3]]])
+    model.held_dofs = np.union1d(model.held_dofs, bone)
+    model.free_dofs = np.setdiff1d(model.free_dofs, bone)
+    assert tissue.reciprocity(model).passed
+    assert tissue.energy_identity(model).passed
