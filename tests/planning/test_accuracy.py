@@ -19,7 +19,7 @@ from needlefem.planning.result import PlanStatus
 from needlefem.planning.sizes import Sizes
 from needlefem.planning.studies.accuracy import requests
 from needlefem.resolve import resolve
-from needlefem.scene import FileMesh, Scene, TargetDraw, vary
+from needlefem.scene import FileMesh, Scene, Stage, TargetDraw, vary
 
 
 @pytest.fixture
@@ -210,3 +210,17 @@ def test_study_counts_what_holds(thick: Scene) -> None:
     (table,) = requests(drawn, (5e-4,), count=1)
     assert table.passed
     assert table.summary == {"met_0.5": 1, "near_0.5": 1}
+
+
+def test_what_the_needle_does_afterwards_does_not_make_the_estimate_dearer(
+    coarse: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages = (Stage(to=0.03), Stage(hold=1.0), Stage(to=0.0))
+    alone = plan(coarse)
+    monkeypatch.setattr("needlefem.planning.estimate._carried_out", None)
+    moved = plan(vary(coarse, {"motion.stages": stages}))
+    assert alone.evidence is not None
+    assert moved.evidence is not None
+    assert alone.evidence.estimate is not None
+    assert moved.evidence.estimate is not None
+    assert moved.evidence.estimate.error == pytest.approx(alone.evidence.estimate.error)
