@@ -16,7 +16,6 @@ from needlefem.units import UNITS
 OPEN = "?"
 _CLASSES: dict[str, tuple[type, ...]] = {
     "mesh": (FileMesh, BoxMesh),
-    "materials": tuple(LAWS.values()),
     "regions": (Region,),
     "supports": (Support,),
     "needle": (Needle,),
@@ -52,7 +51,7 @@ def _what(path: tuple[str, ...]) -> str:
     name, dotted = path[-1], ".".join(path)
     if name == "tissue" and path[0] == "materials":
         return f"a tissue of the library ({', '.join(library())}) or its constants instead"
-    for cls in _CLASSES.get(path[0], ()):
+    for cls in tuple(LAWS.values()) if path[0] == "materials" else _CLASSES.get(path[0], ()):
         for field in dataclasses.fields(cls):
             declared = knob_of(field)
             if field.name == name and declared is not None:

@@ -1,13 +1,21 @@
-"""Constitutive laws; a law is one frozen dataclass whose fields carry unit and range."""
+"""Constitutive laws; a law is one frozen dataclass whose fields carry unit and range.
 
-from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
+Laws that few cases name are imported when first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from needlefem.materials.catalogue import LAWS, law_class
 from needlefem.materials.isotropic import Isotropic
 from needlefem.materials.linear import LinearElastic
 from needlefem.materials.protocol import Material, Response
 from needlefem.materials.relaxation import Branch, branches_of
 from needlefem.materials.split import Split, plane_split, split
-from needlefem.materials.viscoelastic import Viscoelastic
+
+if TYPE_CHECKING:
+    from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
+    from needlefem.materials.viscoelastic import Viscoelastic
 
 __all__ = [
     "LAWS",
@@ -25,3 +33,15 @@ __all__ = [
     "plane_split",
     "split",
 ]
+
+_HOMES = {
+    "Orthotropic": "anisotropic",
+    "TransverselyIsotropic": "anisotropic",
+    "Viscoelastic": "viscoelastic",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        return getattr(import_module(f"needlefem.materials.{_HOMES[name]}"), name)
+    raise AttributeError(f"module 'needlefem.materials' has no attribute '{name}'")

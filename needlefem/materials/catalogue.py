@@ -1,19 +1,36 @@
 """The laws that a case can name."""
 
 import dataclasses
+from collections.abc import Iterator, Mapping
+from importlib import import_module
 
 from needlefem import foreign
 from needlefem.errors import CaseError, nearest
-from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
-from needlefem.materials.isotropic import Isotropic
-from needlefem.materials.viscoelastic import Viscoelastic
 
-LAWS: dict[str, type] = {
-    "isotropic": Isotropic,
-    "transversely-isotropic": TransverselyIsotropic,
-    "orthotropic": Orthotropic,
-    "viscoelastic": Viscoelastic,
+HOMES = {
+    "isotropic": "isotropic:Isotropic",
+    "transversely-isotropic": "anisotropic:TransverselyIsotropic",
+    "orthotropic": "anisotropic:Orthotropic",
+    "viscoelastic": "viscoelastic:Viscoelastic",
 }
+
+
+class _Laws(Mapping[str, type]):
+    """The laws by their names in a case, imported when asked for."""
+
+    def __getitem__(self, name: str) -> type:
+        module, law = HOMES[name].split(":")
+        found: type = getattr(import_module(f"needlefem.materials.{module}"), law)
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(HOMES)
+
+    def __len__(self) -> int:
+        return len(HOMES)
+
+
+LAWS = _Laws()
 
 
 def law_class(name: str, key: str) -> type:
