@@ -9,7 +9,7 @@ from needlefem.errors import SimulationError
 from needlefem.output.verification.charts import Bar, bars
 from needlefem.table import Table
 
-ROUNDS = 9
+ROUNDS = 15
 MOST = 1.5
 """Largest ratio of the medians of the plan command and of the import."""
 HEAVY = (
