@@ -4,9 +4,8 @@ import os
 import subprocess
 import sys
 
-from needlefem.bench.timing import children_seconds, median
+from needlefem.bench.timing import children_seconds, median, spread_bars
 from needlefem.errors import SimulationError
-from needlefem.output.verification.charts import Bar, bars
 from needlefem.table import Table
 
 ROUNDS = 15
@@ -50,11 +49,7 @@ def run(case: str) -> Table:
                  "not needed"),
         rows=rows,
         passed=ratio <= MOST,
-        charts={
-            case: bars("whole processes", "seconds of processor time", [
-                Bar(name, median(spent), min(spent), max(spent)) for name, spent in seconds.items()
-            ])
-        },
+        charts={case: spread_bars("whole processes", "seconds", seconds, 1.0)},
         note=f"the ratio of the plan command may be {MOST:g}; not needed: imported all the same",
         summary={"ratio": ratio},
     )  # fmt: skip

@@ -149,7 +149,8 @@ def measure(scene: Scene, size: int) -> Measured:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     assembly, factor, plan = np.diff(clock)
     start = time.process_time()
-    kept.append(SuperLUFactor(model.stiffness.system(model.free_dofs)[0]))
+    system, _ = model.stiffness.system(model.free_dofs)
+    kept.append(SuperLUFactor(system, definite=model.element.definite))
     unordered = time.process_time() - start
     return Measured(
         unknowns=len(model.free_dofs),

@@ -5,6 +5,8 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 
+from needlefem.output.verification.charts import Bar, bars
+
 LONG = 1.0
 """Seconds after which a task is not repeated."""
 Timed = Mapping[str, Callable[[], object]]
@@ -51,6 +53,18 @@ def children_seconds(task: Callable[[], object], rounds: int) -> list[float]:
 def median(values: list[float]) -> float:
     """Return the median."""
     return statistics.median(values)
+
+
+def spread_bars(title: str, label: str, seconds: Mapping[str, list[float]], unit: float) -> str:
+    """Return a chart of medians with the least and the most, in parts `unit` of a second."""
+    return bars(
+        title,
+        label,
+        [
+            Bar(name, median(spent) / unit, min(spent) / unit, max(spent) / unit)
+            for name, spent in seconds.items()
+        ],
+    )
 
 
 def seconds_of(task: Callable[[], object], rounds: int) -> tuple[list[float], object]:

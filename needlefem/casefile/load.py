@@ -89,15 +89,11 @@ def read_scene(data: Table, folder: Path) -> Scene:
     version = required(data, "schema_version", "")
     if version != SCHEMA_VERSION:
         raise CaseError("schema_version", f"{version!r} is not known", f"write {SCHEMA_VERSION}")
-    axes = tuple(data.get("axes", ("y", "z")))
-    if len(axes) not in DIMENSIONS or len(set(axes)) != len(axes):
-        raise CaseError("axes", f"{list(axes)}", 'name two different axes, such as ["y", "z"]')
+    axes = _axes(data)
     reader = Reader(len(axes), folder)
     tissue = table(data, "tissue")
     refuse_unknown(tissue, ("background", "plane"), "tissue")
-    plane = str(tissue.get("plane", "strain"))
-    if plane not in ("strain", "stress"):
-        raise CaseError("tissue.plane", f"'{plane}' is not known", "write 'strain' or 'stress'")
+    plane = _plane(tissue)
     target = table(data, "target") if "target" in data else None
     if target is not None:
         refuse_unknown(target, ("point",), "target")
@@ -129,6 +125,20 @@ def read_scene(data: Table, folder: Path) -> Scene:
     )
     _check_names(scene)
     return scene
+
+
+def _axes(data: Table) -> tuple[str, ...]:
+    axes = tuple(data.get("axes", ("y", "z")))
+    if len(axes) not in DIMENSIONS or len(set(axes)) != len(axes):
+        raise CaseError("axes", f"{list(axes)}", 'name two different axes, such as ["y", "z"]')
+    return axes
+
+
+def _plane(tissue: Table) -> str:
+    plane = str(tissue.get("plane", "strain"))
+    if plane not in ("strain", "stress"):
+        raise CaseError("tissue.plane", f"'{plane}' is not known", "write 'strain' or 'stress'")
+    return plane
 
 
 def _check_names(scene: Scene) -> None:
