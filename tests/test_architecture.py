@@ -66,7 +66,7 @@ def test_scikit_fem_is_met_in_its_rooms_only(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_modules_are_not_full(path: Path) -> None:
-    assert len(path.read_text().splitlines()) <= 270
+    assert len(path.read_text().splitlines()) <= 500
 
 
 def test_import_is_light() -> None:
