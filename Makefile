@@ -19,7 +19,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer commands clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer commands mutants clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
@@ -36,6 +36,7 @@ help:
 	@echo "make tables     the tables of docs that the package prints, anew"
 	@echo "make commands   every command of README and docs that takes long (an hour)"
 	@echo "make newcomer   what README and docs tell a newcomer, with an installed package and no source"
+	@echo "make mutants    which wrong changes to the core the tests detect (hours)"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -127,6 +128,9 @@ $(VENV)/docs-installed: $(VENV)/installed
 
 commands: install
 	$(BIN)/pytest -m long
+
+mutants: install
+	$(BIN)/python -m tests.mutation --count 80 --seed 11
 
 newcomer:
 	rm -rf $(OUT)/newcomer

@@ -1,0 +1,1 @@
+"""Measurement of the tests by wrong changes to the source."""
