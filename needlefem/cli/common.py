@@ -3,12 +3,15 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
 from needlefem.output.files import to_json
+
+if TYPE_CHECKING:
+    from needlefem.planning.result import Plan
 
 GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
 """How a motion ends that did what it was told."""
@@ -52,3 +55,27 @@ def progress(title: str) -> Iterator[Watch | None]:
 def centimetres(point: Any) -> str:
     """Return a point as text in cm."""
     return "(" + ", ".join(f"{100.0 * float(x):.3f}" for x in point) + ") cm"
+
+
+def release_lines(plan: "Plan") -> list[str]:
+    """Return a line for every release of a plan: where, how deep behind the skin, how near.
+
+    The coordinates of a release and its depth differ where the origin is not on the skin.
+    """
+    best, level = plan.insertion.axis, plan.level.axis
+    releases = {
+        "release at": (plan.best, best),
+        "unplanned": (plan.unplanned, level),
+        "depth only": (plan.depth_only, level),
+    }
+    found = []
+    for name, (release, axis) in releases.items():
+        if release is not None:
+            found.append(
+                f"  {name:11s} {centimetres(release.release_point)}, "
+                f"depth {100 * float(axis.along(release.release_point)):.3f} cm -> "
+                f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
+            )
+    if plan.best is not None:
+        found.insert(0, f"  entry at    {centimetres(best.entry)}; depths count from there")
+    return found

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import centimetres, progress, say, say_json, warn
+from needlefem.cli.common import centimetres, progress, release_lines, say, say_json, warn
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
@@ -54,13 +54,8 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
     for refusal in found.refusals:
         along = ", ".join(f"{x:.3g}" for x in refusal.direction)
         say(f"  along ({along}): {refusal.status}, {refusal.sentence}")
-    lines = {"release at": found.best, "unplanned": found.unplanned, "depth only": found.depth_only}
-    for name, release in lines.items():
-        if release is not None:
-            say(
-                f"  {name:11s} {centimetres(release.release_point)} -> "
-                f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
-            )
+    for line in release_lines(found):
+        say(line)
     for passing in found.passings:
         say(f"  the needle {passing}")
     for line in scanner_lines(record["scanner"]):

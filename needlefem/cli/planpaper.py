@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import centimetres, progress, say, say_json, warn
+from needlefem.cli.common import progress, release_lines, say, say_json, warn
 from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime
 from needlefem.output.files import write_json
@@ -52,16 +52,8 @@ def main(options: argparse.Namespace) -> int:
 def _summary(title: str, paper: Timed, tables: list[Table]) -> None:
     plan = paper.plan
     say(f"{title}: {plan.status}, {plan.sentence}")
-    for name, release in {
-        "release at": plan.best,
-        "unplanned": plan.unplanned,
-        "depth only": plan.depth_only,
-    }.items():
-        if release is not None:
-            say(
-                f"  {name:11s} {centimetres(release.release_point)} -> "
-                f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
-            )
+    for line in release_lines(plan):
+        say(line)
     for table in tables:
         if table.rows:
             say("\n" + table.text())

@@ -94,7 +94,7 @@ def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
     if insertion.seeds:
         rest = insertion.states[-1].seeds
         return [
-            released_record(seed, place, target)
+            released_record(seed, place, target, insertion.axis)
             for seed, place in zip(insertion.seeds, rest, strict=True)
         ]
     last = insertion.states[-1]
@@ -106,6 +106,7 @@ def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
 
 def _summary(record: dict[str, Any], title: str) -> None:
     say(f"{title}: {record['status']}, {record['sentence']}")
+    say(f"  entry at {centimetres(record['entry'])}; depths count from there along the needle")
     if record["puncture_depth"] is not None:
         say(f"  skin cut at {100 * record['puncture_depth']:.3f} cm")
     for event in record["events"]:
@@ -136,6 +137,7 @@ def _seed_line(seed: dict[str, Any]) -> str:
         f", {100 * seed['placement_error']:.3f} cm from the target"
     )  # fmt: skip
     return (
-        f"  {name}released at {centimetres(seed['released_at'])}: {seed['status']}, "
+        f"  {name}released at {centimetres(seed['released_at'])}, "
+        f"depth {100 * seed['release_depth']:.3f} cm: {seed['status']}, "
         f"rests at {centimetres(seed['placed_at'])}{error}"
     )

@@ -47,6 +47,7 @@ def _(result: Plan) -> str:
         "status": f"{result.status}: {result.sentence}",
         "target": _place(result.target, axes),
         "release at": "" if best is None else _place(best.release_point, axes),
+        "release depth": _centimetres(_release_depth(result)),
         "comes to rest": "" if best is None else _place(best.placed_at, axes),
         "placement error": "" if best is None else f"{100 * best.placement_error:.2g} cm",
         "insertions": f"{result.insertions} ({result.search})",
@@ -84,6 +85,10 @@ def _(result: SavedResult) -> str:
     if "placement_error" in rows:
         rows["placement_error"] += " m"
     return _table(f"{result.kind}: {result.path}", rows)
+
+
+def _centimetres(length: float | None) -> str:
+    return "" if length is None else f"{100 * length:.3f} cm"
 
 
 def _place(point: Vector | Sequence[float], axes: Sequence[str]) -> str:

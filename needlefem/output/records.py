@@ -9,6 +9,7 @@ from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion, Ledger, Seed
+from needlefem.needle.axis import Axis
 from needlefem.planning.result import Barred, Evidence, Plan, Release
 from needlefem.planning.search import Solution
 from needlefem.scene import Scene
@@ -26,9 +27,20 @@ def check_record(check: CheckResult) -> dict[str, Any]:
     return dataclasses.asdict(check) | {"passed": check.passed}
 
 
-def release_record(release: Release | None) -> dict[str, Any] | None:
-    """Return where something was released and where it came to rest."""
-    return None if release is None else dataclasses.asdict(release)
+def pushed_record(axis: Axis, point: Vector | None) -> dict[str, Any]:
+    """Return how a needle on an axis brings its tip to a point: where it enters, how deep it goes.
+
+    The depth (m) counts from the entry, whatever the coordinates of the skin are.
+    """
+    depth = None if point is None else float(axis.along(point))
+    return {"entry": None if point is None else axis.entry, "release_depth": depth}
+
+
+def release_record(release: Release | None, axis: Axis) -> dict[str, Any] | None:
+    """Return where something was released on an axis, how deep, and where it came to rest."""
+    if release is None:
+        return None
+    return dataclasses.asdict(release) | pushed_record(axis, release.release_point)
 
 
 def plan_record(plan: Plan) -> dict[str, Any]:
@@ -41,8 +53,9 @@ def plan_record(plan: Plan) -> dict[str, Any]:
         "release_point": None if best is None else best.release_point,
         "placed_at": None if best is None else best.placed_at,
         "placement_error": None if best is None else best.placement_error,
-        "unplanned": release_record(plan.unplanned),
-        "depth_only": release_record(plan.depth_only),
+        **pushed_record(plan.insertion.axis, None if best is None else best.release_point),
+        "unplanned": release_record(plan.unplanned, plan.level.axis),
+        "depth_only": release_record(plan.depth_only, plan.level.axis),
         "insertions": plan.insertions,
         "search": search_record(plan.search, plan.solution),
         "other_solutions": plan.other_solutions,
@@ -95,6 +108,7 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
     return {
         "status": insertion.outcome.status,
         "sentence": insertion.outcome.sentence,
+        "entry": insertion.axis.entry,
         "puncture_depth": insertion.puncture_depth,
         "depth": insertion.depths,
         "tip_path": insertion.tips,
@@ -120,6 +134,7 @@ def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
     return {
         "name": "",
         "released_at": insertion.axis.tip(reach.depth),
+        "release_depth": reach.depth,
         "placed_at": reach.point,
         "shortcut": reach.point,
         "now_at": None,
@@ -129,12 +144,15 @@ def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
     }
 
 
-def released_record(seed: Seed, place: Vector, target: Coordinates | None) -> dict[str, Any]:
+def released_record(
+    seed: Seed, place: Vector, target: Coordinates | None, axis: Axis
+) -> dict[str, Any]:
     """Return a seed that a motion released; `place` is where it is when the motion ends."""
     return {
         "name": seed.name,
         "time": seed.time,
         "released_at": seed.released_at,
+        "release_depth": float(axis.along(seed.released_at)),
         "placed_at": seed.point,
         "shortcut": seed.shortcut,
         "now_at": place,

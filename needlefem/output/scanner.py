@@ -9,7 +9,7 @@ import numpy as np
 from needlefem.frame import Frame
 from needlefem.scene import Scene
 
-POINTS = ("target", "release_point", "placed_at", "released_at", "now_at")
+POINTS = ("target", "release_point", "placed_at", "released_at", "now_at", "entry")
 """Keys of a record that are points of the case."""
 NESTED = ("unplanned", "depth_only", "barred", "seeds", "ours")
 """Keys of a record with such points below them."""
@@ -46,7 +46,11 @@ def scanner_lines(scanner: Mapping[str, Any] | None) -> list[str]:
     """Return lines that say where release points and seeds are in the scanner, mm."""
     if scanner is None:
         return []
-    named = {"release at": scanner.get("release_point"), "comes to rest": scanner.get("placed_at")}
+    named = {
+        "entry": scanner.get("entry"),
+        "release at": scanner.get("release_point"),
+        "comes to rest": scanner.get("placed_at"),
+    }
     for number, seed in enumerate(scanner.get("seeds", ()), 1):
         named[f"seed {number} rests"] = seed["placed_at"]
     return [

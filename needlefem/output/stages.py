@@ -106,7 +106,8 @@ def _released(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> N
     canvas.target(column.target, 2.0 * radius)
     canvas.seed(column.release.release_point, 1.5 * radius)
     where = ", ".join(f"{100 * x:.2f}" for x in column.release.release_point)
-    _finish(canvas, panel, column, f"seed released at ({where}) cm")
+    depth = f"depth {100 * column.depth:.2f} cm"
+    _finish(canvas, panel, column, f"seed released at ({where}) cm, {depth}")
 
 
 def _retracted(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:
