@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
     ["arrays", "errors", "table", "shown"],
-    ["units", "knobs"],
+    ["units", "knobs", "inputfile"],
     ["contour", "foreign", "frame"],
     ["materials", "elements", "image"],
     ["scene"],

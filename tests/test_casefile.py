@@ -87,7 +87,7 @@ def test_unknown_section_is_named() -> None:
 
 
 def test_no_such_file_and_no_toml(tmp_path: Path) -> None:
-    with pytest.raises(CaseError, match="No such file"):
+    with pytest.raises(CaseError, match="there is no such file"):
         load_case(tmp_path / "case.toml")
     (tmp_path / "case.toml").write_text("a = = b")
     with pytest.raises(CaseError, match="not valid TOML"):

@@ -12,6 +12,7 @@ from needlefem.casefile.reader import DIMENSIONS, Reader
 from needlefem.casefile.tables import Table, refuse_unknown, required, table, tables
 from needlefem.errors import CaseError, nearest
 from needlefem.frame import Frame
+from needlefem.inputfile import read_text
 from needlefem.scene import (
     Discretisation,
     Needle,
@@ -46,11 +47,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         Anything in it that can't be used; the message names key, value and remedy.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        remedy = "give the path of a case.toml"
-        raise CaseError(str(path), error.strerror or "can't be read", remedy) from None
+    text = read_text(path, "case", remedy="give the path of a case.toml")
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -7,6 +7,7 @@ import numpy as np
 from needlefem.arrays import SkfemMesh
 from needlefem.errors import CaseError
 from needlefem.fem.cellmap import refuse_bad_cells
+from needlefem.inputfile import require_file
 
 KEY = "mesh.file"
 CELLS = {"triangle": "triangle", "quad": "quadrilateral"}
@@ -28,6 +29,7 @@ def read_mesh(path: Path, unit: float) -> SkfemMesh:
     CaseError
         The file can't be read, holds other cells, or cells that are flat, concave or crossed.
     """
+    require_file(path, KEY, remedy="give a mesh file, such as Gmsh's .msh")
     import meshio  # noqa: PLC0415  (only a mesh from a file needs it)
     from skfem.io.meshio import from_meshio  # noqa: PLC0415
 

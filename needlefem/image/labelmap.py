@@ -11,6 +11,7 @@ import numpy as np
 from needlefem.arrays import Bools, Floats, Ints
 from needlefem.errors import CaseError
 from needlefem.frame import Voxels
+from needlefem.inputfile import require_file
 
 KEY = "--labelmap"
 MOST_LABELS = 256
@@ -108,8 +109,7 @@ def _image(path: Path) -> Any:
     except ModuleNotFoundError:
         remedy = "pip install 'needlefem[image]'"
         raise CaseError(KEY, f"reading '{path.name}' needs SimpleITK", remedy) from None
-    if not path.is_file():
-        raise CaseError(KEY, f"no file '{path}'", "give a .nrrd, .seg.nrrd or .nii.gz")
+    require_file(path, KEY, remedy="give a .nrrd, .seg.nrrd or .nii.gz")
     try:
         image = sitk.ReadImage(str(path))
     except RuntimeError:

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter
 from needlefem.arrays import Floats, Ints, Points
 from needlefem.errors import CaseError
 from needlefem.fem.model import Model
+from needlefem.inputfile import require_file
 from needlefem.needle.axis import Axis
 from needlefem.output.canvas import Canvas
 from needlefem.output.driver import renderer
@@ -71,6 +72,7 @@ def read_texture(path: str | Path) -> Texture:
     CaseError
         It can't be read.
     """
+    require_file(path, "texture", remedy="give a PNG, JPEG or TIFF file")
     from PIL import Image, UnidentifiedImageError  # noqa: PLC0415  (comes with the pictures)
 
     try:
