@@ -87,7 +87,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
     if version != SCHEMA_VERSION:
         raise CaseError("schema_version", f"{version!r} is not known", f"write {SCHEMA_VERSION}")
     axes = _axes(data)
-    reader = Reader(len(axes), folder)
+    reader = Reader(len(axes), folder, axes)
     tissue = table(data, "tissue")
     refuse_unknown(tissue, ("background", "plane"), "tissue")
     plane = _plane(tissue)

@@ -3,7 +3,7 @@
 import dataclasses
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +32,15 @@ DIMENSIONS = {
 """What the needle's quantities are measured in: in 2D all forces are per metre of thickness."""
 
 
+CONTOUR_KEYS = ("contour", "offset", "unit")
+"""Where an outline is; the rest of a table is what it means."""
+
+
 class Reader:
     """Fills dataclasses from tables by what their fields declare."""
 
-    def __init__(self, dim: int, folder: Path) -> None:
-        self.dim, self.folder = dim, folder
+    def __init__(self, dim: int, folder: Path, axes: Sequence[str] | None = None) -> None:
+        self.dim, self.folder, self.axes = dim, folder, axes
         self._mesh: SkfemMesh | None = None
 
     def fill(self, cls: type, table: Any, prefix: str, **given: Any) -> Any:
@@ -116,7 +120,7 @@ class Reader:
     def region(self, table: Table, name: str) -> Region:
         """Read [regions.NAME]: a group of the mesh file, or a contour's file and offset."""
         prefix = f"regions.{name}"
-        rest = {key: value for key, value in table.items() if key not in ("contour", "offset")}
+        rest = {key: value for key, value in table.items() if key not in CONTOUR_KEYS}
         if "group" in table and self._mesh is not None:
             group = str(table["group"])
             around = outline(self._mesh, group_cells(self._mesh, group, f"{prefix}.group"))
@@ -126,9 +130,14 @@ class Reader:
         return inside
 
     def _contour(self, table: Table, prefix: str) -> Contour:
-        """Read a contour's file, and move it by an offset if there is one."""
+        """Read a contour's file in its unit, and move it by an offset if there is one."""
         file = self.folder / str(required(table, "contour", prefix))
-        contour = read_contour(file, f"{prefix}.contour")
+        unit = None
+        if "unit" in table:
+            unit = parse_quantity(table["unit"], "length", f"{prefix}.unit")
+            if not 0.0 < unit < np.inf:
+                raise CaseError(f"{prefix}.unit", f"{table['unit']!r}", "give a positive length")
+        contour = read_contour(file, f"{prefix}.contour", self.axes, unit)
         if "offset" in table:
             contour = contour.moved(np.array(self.point(table, "offset", prefix)))
         return contour
@@ -151,7 +160,7 @@ class Reader:
             contour, rest = regions[region].contour, table
         else:
             contour = self._contour(table, prefix)
-            rest = {key: value for key, value in table.items() if key not in ("contour", "offset")}
+            rest = {key: value for key, value in table.items() if key not in CONTOUR_KEYS}
         found: Obstacle = self.fill(Obstacle, rest, prefix, contour=contour)
         return found
 

@@ -57,7 +57,7 @@ def _draft(options: argparse.Namespace, folder: Path) -> Draft:
             raise CaseError(f"--{name}", problem, "it goes with --labelmap alone: leave it out")
     if options.mesh:
         return of_mesh(Path(options.mesh), folder, wanted)
-    return of_contours([Path(name) for name in options.contour], wanted)
+    return of_contours([Path(name) for name in options.contour], folder, wanted)
 
 
 def _write(draft: Draft, case: Path, own: set[Path]) -> list[Path]:

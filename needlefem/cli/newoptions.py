@@ -34,4 +34,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--segments", default="", metavar="NAMES", help="those to take: 'a, b'")
     parser.add_argument("--margin", default="", metavar="LENGTH", help="of the box; 15 mm")
-    parser.add_argument("--unit", default="", metavar="LENGTH", help="one unit of the mesh file")
+    parser.add_argument(
+        "--unit", default="", metavar="LENGTH",
+        help="one unit of the mesh file, or of contours whose headers name none",
+    )  # fmt: skip

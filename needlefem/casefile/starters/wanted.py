@@ -26,7 +26,7 @@ class Wanted:
     margin : str
         Tissue around the regions, a length.
     unit : str
-        Length of one unit of a mesh file's coordinates.
+        Length of one unit of the coordinates in a mesh file, or in contours without units.
     """
 
     target: str = ""
