@@ -23,7 +23,7 @@ FLOORS = [
     ["planning"],
     ["output"],
     ["casefile"],
-    ["bench"],
+    ["bench", "stress"],
     ["cli"],
 ]
 """A module may import from its own room and from floors below."""

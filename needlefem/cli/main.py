@@ -185,6 +185,15 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--record", action="store_true", help="keep the answers as own record")
     parser.add_argument("--quick", action="store_true", help="coarse meshes only, within a minute")
     parser.add_argument("--report", metavar="DIR", help="write an HTML page and JSON there")
+    stress = parser.add_argument_group("stress tests")
+    stress.add_argument(
+        "--stress", choices=("scenes", "inputs"), help="run random scenes, or damaged input files"
+    )
+    stress.add_argument("--count", type=int, metavar="N", help="how many; 2000 scenes by default")
+    stress.add_argument("--seed", type=int, default=1, help="of the random numbers")
+    stress.add_argument("--only", type=int, metavar="I", help="number I of the seed alone")
+    stress.add_argument("--processes", type=int, default=1, metavar="N", help="to work in")
+    stress.add_argument("--out", metavar="DIR", help="with --only: write its files there")
 
 
 def _study(parser: argparse.ArgumentParser) -> None:

@@ -21,6 +21,10 @@ from needlefem.table import Table
 
 def main(options: argparse.Namespace) -> int:
     """Run reference problems and print both verdicts on every answer; 1 if one fails."""
+    if options.stress:
+        from needlefem.cli import stress  # noqa: PLC0415  (another job, with other imports)
+
+        return stress.main(options)
     if options.element or options.material or options.integrator:
         from needlefem.cli import qualify  # noqa: PLC0415  (another job, with other imports)
 

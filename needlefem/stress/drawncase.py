@@ -1,0 +1,198 @@
+"""A drawn case: the tree of its TOML file with typed quantities, its contours and its mesh."""
+
+import dataclasses
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from needlefem.arrays import Ints, Points
+
+EXPONENTS = {
+    "length": ("m", 1, 0, 0),
+    "pressure": ("Pa", -2, 1, 0),
+    "force per length": ("N/m", -1, 1, 0),
+    "force per volume": ("N/m^3", -3, 1, 0),
+    "density": ("kg/m^3", -4, 1, 2),
+    "speed": ("m/s", 1, 0, -1),
+    "time": ("s", 0, 0, 1),
+    "rate": ("1/s", 0, 0, -1),
+}
+"""By dimension: the unit that is written, and the exponents of length, force and time."""
+
+
+class Quantity(NamedTuple):
+    """A number in SI units with its dimension."""
+
+    value: float
+    dimension: str
+
+    def __str__(self) -> str:
+        return f"{float(self.value)!r} {EXPONENTS[self.dimension][0]}"
+
+
+class Units(NamedTuple):
+    """Factors by which a scene's lengths, forces and times are multiplied."""
+
+    length: float = 1.0
+    force: float = 1.0
+    time: float = 1.0
+
+    def of(self, quantity: Quantity) -> Quantity:
+        """Return the quantity in the other units."""
+        _, length, force, time = EXPONENTS[quantity.dimension]
+        factor = self.length**length * self.force**force * self.time**time
+        return Quantity(quantity.value * factor, quantity.dimension)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class DrawnMesh:
+    """A mesh to be written as a file.
+
+    Parameters
+    ----------
+    points : array, shape (n, 2), m
+    cells : array, shape (m, 3) or (m, 4)
+    regions : array, shape (m,)
+        Number of the group of every cell; 0 is the background.
+    region_names : tuple of str
+        Of the groups from 1 on.
+    faces : mapping
+        Edges of the boundary by their group's name, shape (k, 2).
+    file_format : str
+        Of meshio's.
+    """
+
+    points: Points
+    cells: Ints
+    regions: Ints
+    region_names: tuple[str, ...]
+    faces: Mapping[str, Ints]
+    file_format: str
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class DrawnCase:
+    """A case as it was drawn.
+
+    Parameters
+    ----------
+    data : mapping
+        Tree of the TOML file; its leaves are TOML values and `Quantity`.
+    contours : mapping
+        Corners of the contours by file name, shape (n, 2), m.
+    mesh : DrawnMesh, optional
+        Written beside the case.
+    kinds : mapping
+        What was drawn, by aspect, for the report's table.
+    command : str
+        ``run`` or ``plan``.
+    check : str
+        Which symmetry is checked; empty for none.
+    """
+
+    data: Mapping[str, Any]
+    contours: Mapping[str, Points]
+    mesh: DrawnMesh | None
+    kinds: Mapping[str, str]
+    command: str
+    check: str = ""
+
+
+MESH_UNIT = 1e-3
+"""Length of one unit of the coordinates in a mesh file, m."""
+
+
+def in_units(case: DrawnCase, units: Units) -> DrawnCase:
+    """Return the case with all lengths, forces and times multiplied."""
+    contours = {name: units.length * points for name, points in case.contours.items()}
+    scaled = _walked(case.data, units.of)  # with the unit of the mesh file's coordinates
+    return dataclasses.replace(case, data=scaled, contours=contours)
+
+
+def _walked(node: Any, of: Callable[[Quantity], Quantity]) -> Any:
+    if isinstance(node, Quantity):
+        return of(node)
+    if isinstance(node, Mapping):
+        return {key: _walked(value, of) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_walked(item, of) for item in node]
+    return node
+
+
+def write_drawn_case(case: DrawnCase, folder: Path, comment: str = "") -> Path:
+    """Write the case file, its contours and its mesh into a folder; return the case's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, points in case.contours.items():
+        rows = [f"{x!r}, {y!r}" for x, y in points.tolist()]
+        (folder / name).write_text("\n".join(["y [m], z [m]", *rows]) + "\n", encoding="utf-8")
+    if case.mesh is not None:
+        write_drawn_mesh(case.mesh, folder / str(case.data["mesh"]["file"]))
+    path = folder / "case.toml"
+    head = [f"# {comment}"] if comment else []
+    path.write_text("\n".join([*head, *toml_lines(case.data)]) + "\n", encoding="utf-8")
+    return path
+
+
+def toml_lines(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Yield the lines of a TOML file for a tree with `Quantity` leaves."""
+    deeper = []
+    for key, value in table.items():
+        name = json.dumps(key) if not key.replace("-", "").replace("_", "").isalnum() else key
+        if isinstance(value, Mapping) or (
+            isinstance(value, list) and value and isinstance(value[0], Mapping)
+        ):
+            deeper.append((prefix + name, value))
+        else:
+            yield f"{name} = {_toml(value)}"
+    for name, value in deeper:
+        if isinstance(value, Mapping):
+            yield ""
+            yield f"[{name}]"
+            yield from toml_lines(value, f"{name}.")
+        else:
+            for item in value:
+                yield ""
+                yield f"[[{name}]]"
+                yield from toml_lines(item, f"{name}.")
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Quantity):
+        return json.dumps(str(value))
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value)
+
+
+def write_drawn_mesh(mesh: DrawnMesh, path: Path) -> None:
+    """Write a mesh through meshio, with physical groups where the format has them."""
+    import meshio  # noqa: PLC0415  (only meshes from files need it)
+    import numpy as np  # noqa: PLC0415
+
+    points = np.column_stack([mesh.points / MESH_UNIT, np.zeros(len(mesh.points))])
+    shape = "triangle" if mesh.cells.shape[1] == 3 else "quad"
+    blocks = [(shape, mesh.cells)]
+    if not mesh.file_format.startswith("gmsh"):
+        meshio.write(path, meshio.Mesh(points, blocks), file_format=mesh.file_format)
+        return
+    first_face = len(mesh.region_names) + 2
+    physical = [mesh.regions + 1]
+    for number, edges in enumerate(mesh.faces.values()):
+        blocks.append(("line", edges))
+        physical.append(np.full(len(edges), first_face + number))
+    names = {"tissue": np.array([1, 2])}
+    names |= {name: np.array([n, 2]) for n, name in enumerate(mesh.region_names, start=2)}
+    names |= {name: np.array([n, 1]) for n, name in enumerate(mesh.faces, start=first_face)}
+    written = meshio.Mesh(
+        points,
+        blocks,
+        cell_data={"gmsh:physical": physical, "gmsh:geometrical": physical},
+        field_data=names,
+    )
+    kind, _, binary = mesh.file_format.partition("-")
+    meshio.write(path, written, file_format=kind, binary=binary == "binary")

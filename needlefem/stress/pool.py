@@ -1,0 +1,130 @@
+"""Work in processes of its own: one that hangs or dies is replaced, and its task is named."""
+
+import os
+import resource
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, NamedTuple
+
+Work = Callable[[int], Any]
+"""What is done with the number of a task; must be a function of a module, for it is pickled."""
+PATIENCE = 4.0
+"""Time that a worker has on the clock, over the processor time that a task may take: for what
+blocks without working, and for machines that do other things too."""
+POLL = 0.5
+"""How long to wait for an answer before the clock is looked at, s."""
+
+
+class Lost(NamedTuple):
+    """A task without an answer, and why."""
+
+    reason: str
+
+
+class OutOfTimeError(BaseException):
+    """A task took longer than it may; no ``except Exception`` catches it."""
+
+
+class _Worker:
+    def __init__(self, work: Work, seconds: float, memory: float) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self._process = context.Process(
+            target=_serve, args=(theirs, work, seconds, memory), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self.task: int | None = None
+        self.begun = 0.0
+
+    def give(self, task: int) -> None:
+        self.task, self.begun = task, time.monotonic()
+        self.pipe.send(task)
+
+    def end(self) -> int | None:
+        """End the process at once; return its exit code if it had ended by itself."""
+        self._process.join(timeout=POLL)
+        code = self._process.exitcode
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+        return code
+
+
+def work_through(
+    work: Work, tasks: Sequence[int], *, processes: int, seconds: float, memory: float
+) -> Iterator[tuple[int, Any]]:
+    """Yield tasks and their answers, or `Lost`, in the order in which they end.
+
+    Parameters
+    ----------
+    work : callable
+    tasks : sequence of int
+    processes : int
+    seconds : float, s
+        Processor time that a task may take.
+    memory : float, bytes
+        Address space that a worker may take.
+    """
+    waiting = list(reversed(tasks))
+    workers = [_Worker(work, seconds, memory) for _ in range(min(processes, len(tasks)))]
+    try:
+        while True:
+            for worker in workers:
+                if worker.task is None and waiting:
+                    worker.give(waiting.pop())
+            busy = [worker for worker in workers if worker.task is not None]
+            if not busy:
+                return
+            ready = wait([worker.pipe for worker in busy], timeout=POLL)
+            for number, worker in enumerate(workers):
+                if worker.task is None:
+                    continue
+                late = time.monotonic() - worker.begun > PATIENCE * seconds
+                if worker.pipe not in ready and not late:
+                    continue
+                task, answer = worker.task, _answer(worker, late=worker.pipe not in ready)
+                worker.task = None
+                if isinstance(answer, Lost):
+                    workers[number] = _Worker(work, seconds, memory)
+                yield task, answer
+    finally:
+        for worker in workers:
+            worker.end()
+
+
+def _answer(worker: _Worker, *, late: bool) -> Any:
+    if late:
+        worker.end()
+        return Lost(f"no answer within {time.monotonic() - worker.begun:.0f} s")
+    try:
+        return worker.pipe.recv()
+    except (EOFError, ConnectionResetError):
+        return Lost(f"the process ended with code {worker.end()}")
+
+
+def _serve(pipe: Connection, work: Work, seconds: float, memory: float) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
+    signal.signal(signal.SIGPROF, _out_of_time)
+    resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:
+            os._exit(0)
+        try:
+            signal.setitimer(signal.ITIMER_PROF, seconds)
+            answer = work(task)
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+        except OutOfTimeError:
+            answer = Lost(f"not ready after {seconds:.0f} s of processor time")
+        except MemoryError:
+            answer = Lost("out of memory")
+        pipe.send(answer)
+
+
+def _out_of_time(signum: int, frame: Any) -> None:  # noqa: ARG001  (of every signal handler)
+    raise OutOfTimeError

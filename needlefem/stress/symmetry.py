@@ -1,0 +1,152 @@
+"""Images of a scene that must give the image of its answer: mirrored, turned, in other units."""
+
+import dataclasses
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Floats, SkfemMesh
+from needlefem.casefile.load import load_case
+from needlefem.contour import Contour
+from needlefem.fem.build import build_model
+from needlefem.fem.model import Model
+from needlefem.resolve import resolve
+from needlefem.scene import Scene, vary
+from needlefem.stress.drawncase import DrawnCase, Units, in_units, write_drawn_case
+from needlefem.stress.sceneruns import Answer, Fault, carry_out
+
+SAME = 1e-6
+"""Largest distance of the image of the answer from the answer of the image, over the depth."""
+NUDGE = 1e-9
+"""Relative change of the needle's forces, and of its entry over the depth, that tells scenes with
+several solutions: there it moves the answer by more than `SAME`, a thousand times as much."""
+ANGLE = 0.7
+"""Of the rotation, rad."""
+UNITS = Units(length=10.0 / 3.0, force=0.07, time=11.0)
+"""Of the scaled scene."""
+
+
+def check_symmetry(
+    case: DrawnCase, scene: Scene, model: Model, answer: Answer
+) -> tuple[str, Fault | None]:
+    """Return ``met``, ``missed`` with a fault, or ``several solutions``."""
+    if case.check == "scaling":
+        away, what = _scaled(case, answer)
+    else:
+        away, what = _moved(case, scene, model, answer)
+    if away <= SAME:
+        return "met", None
+    found = _sensitive(case, scene, model, answer)
+    if found:
+        return "several solutions", None
+    detail = f"{what}: {away:.2e} of the depth"
+    return "missed", Fault(requirement=case.check, detail=detail)
+
+
+def distance(first: Answer, second: Answer, turn: Floats) -> tuple[float, str]:
+    """Return how far two answers are apart, over the first's depth, and in what.
+
+    The first is turned and scaled by `turn`, shape (2, 2), before.
+    """
+    if first.status != second.status:
+        return np.inf, f"status {first.status} and {second.status}"
+    if len(first.points) != len(second.points):
+        return np.inf, f"{len(first.points)} and {len(second.points)} points"
+    scale = first.depth * float(np.sqrt(abs(np.linalg.det(turn))))
+    pairs = [("last tip, seeds", first.points, second.points)]
+    if len(first.path) == len(second.path):
+        pairs.append(("path", first.path, second.path))
+    worst, name = 0.0, "nothing"
+    for label, one, other in pairs:
+        if len(one):
+            away = float(np.linalg.norm(one @ turn.T - other, axis=1).max()) / scale
+            if away >= worst:
+                worst, name = away, label
+    return worst, name
+
+
+def _scaled(case: DrawnCase, answer: Answer) -> tuple[float, str]:
+    with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as folder:
+        scene = load_case(write_drawn_case(in_units(case, UNITS), Path(folder)))
+        found, _ = carry_out(scene, case.command)
+    return distance(answer, found, UNITS.length * np.eye(2))
+
+
+def _moved(case: DrawnCase, scene: Scene, model: Model, answer: Answer) -> tuple[float, str]:
+    cosine, sine = np.cos(ANGLE), np.sin(ANGLE)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
+    if case.check == "mirror":
+        turn = np.diag([-1.0, 1.0])
+    mesh = turned_mesh(model.mesh, turn)
+    image = turned_scene(scene, turn)
+    found, _ = carry_out(image, case.command, build_model(image, mesh))
+    return distance(answer, found, turn)
+
+
+def turned_mesh(mesh: SkfemMesh, turn: Floats) -> SkfemMesh:
+    """Return the mesh with its points multiplied by an orthogonal matrix, cells in their order."""
+    cells = mesh.t
+    if np.linalg.det(turn) < 0.0:  # keep the corners' sense of rotation
+        cells = cells[[0, *range(len(cells) - 1, 0, -1)]]
+    return type(mesh)(
+        np.ascontiguousarray(turn @ mesh.p),
+        np.ascontiguousarray(cells),
+        _boundaries=mesh.boundaries,
+        _subdomains=mesh.subdomains,
+    )
+
+
+def turned_scene(scene: Scene, turn: Floats) -> Scene:
+    """Return the scene with all its points and directions multiplied by an orthogonal matrix.
+
+    Its mesh has to be turned as well, and given to the model.
+    """
+
+    def moved(values: Any) -> tuple[float, ...]:
+        return tuple((turn @ np.array(values)).tolist())
+
+    scene = resolve(scene).scene
+    changes: dict[str, Any] = {"motion.direction": moved(scene.motion.direction)}
+    if scene.motion.entry:
+        changes["motion.entry"] = moved(scene.motion.entry)
+    if scene.target is not None:
+        changes["target"] = moved(scene.target)
+    for name, law in scene.materials.items():
+        for key in ("fibre", "axis_1", "axis_2"):
+            if hasattr(law, key):
+                changes[f"materials.{name}.{key}"] = moved(getattr(law, key))
+    for name, region in scene.regions.items():
+        changes[f"regions.{name}.contour"] = Contour(region.contour.points @ turn.T)
+    return vary(scene, changes)
+
+
+def _sensitive(case: DrawnCase, scene: Scene, model: Model, answer: Answer) -> bool:
+    """Say whether a change of the scene by `NUDGE` moves its answer by more than `SAME`."""
+    needle = scene.needle
+    for sign in (1.0, -1.0):
+        factor = 1.0 + sign * NUDGE
+        changes: dict[str, Any] = {"needle.cutting_force": factor * needle.cutting_force}
+        for name, region in scene.regions.items():
+            if region.cutting_force is not None:
+                changes[f"regions.{name}.cutting_force"] = factor * region.cutting_force
+        if _nudged(case, vary(scene, changes), model, answer):
+            return True
+        across = np.array([-scene.motion.direction[1], scene.motion.direction[0]])
+        step = sign * NUDGE * scene.motion.max_depth * across
+        field = "target" if case.command == "plan" else "motion.entry"
+        begin = scene.target if case.command == "plan" else scene.motion.entry
+        beside = dataclasses.replace(answer)
+        if begin and _nudged(case, vary(scene, {field: _added(begin, step)}), model, beside):
+            return True
+    return False
+
+
+def _added(point: tuple[float, ...], step: Floats) -> tuple[float, ...]:
+    return tuple((np.array(point) + step).tolist())
+
+
+def _nudged(case: DrawnCase, scene: Scene, model: Model, answer: Answer) -> bool:
+    found, _ = carry_out(scene, case.command, model)
+    return distance(answer, found, np.eye(2))[0] > SAME
