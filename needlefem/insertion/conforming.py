@@ -28,6 +28,13 @@ TOLERANCE = 1e-6
 
 A hundredth of the tolerance of the paper's search.
 """
+RASTER = 1e-8
+"""Places of the tip's node are multiples of this, m: a hundredth of the tolerance.
+
+Round-off of the tissue's response, some 1e-14 m, differs between processors and libraries. A step
+that is hard to solve enlarges it until another node is moved, and the tip ends a fraction of a
+millimetre elsewhere. Rounded, the places and with them the moved mesh are the same everywhere.
+"""
 MOST_ITERATIONS, MOST_HALVINGS = 20, 10
 SLOPES = (0.2, 1.5)
 """Least and most way of the tip per travel of the needle that is expected of a step."""
@@ -198,14 +205,18 @@ class ConformingInsertion:
     def _solve(self, point: Vector, depth: float) -> Found:
         """Find the place of the tip's node by Broyden's method, in the order of the axes."""
         travel = depth - self.depth
+        point = _on_raster(point)
         response, settled = self.contact.evaluate(point, depth, travel, Way.CUTTING)
         for _ in range(MOST_ITERATIONS):
             residual = self._off(point, settled, depth)
             if np.max(np.abs(residual)) <= TOLERANCE:
                 return point, response, settled
             wanted: Vector = -np.linalg.solve(self._jacobian, residual).astype(float, copy=False)
-            change = self._allowed(point, wanted)
-            point = point + change
+            there = _on_raster(point + self._allowed(point, wanted))
+            change = there - point
+            if not change.any():
+                break
+            point = there
             response, settled = self.contact.evaluate(point, depth, travel, Way.CUTTING)
             error = self._off(point, settled, depth) - residual - self._jacobian @ change
             self._jacobian = self._jacobian + np.outer(error, change) / (change @ change)
@@ -244,3 +255,9 @@ class ConformingInsertion:
                 mesh.restore(node)
                 self._loose.remove(node)
         self.contact.look()
+
+
+def _on_raster(point: Vector) -> Vector:
+    """Return the nearest place on the raster."""
+    found: Vector = np.round(point / RASTER) * RASTER
+    return found

@@ -19,6 +19,9 @@ LEAST_AREA = 0.05
 """Least area of a cell, relative to that at home, that a move may leave."""
 MIDDLE = (0.25, 0.75)
 """Part of the way from the last node on the shaft to the tip in which a node is left behind."""
+TIE = 1e-9
+"""Margin of comparisons, relative: a ratio of areas counts as large enough from so little below,
+and of two nodes whose distances differ by no more the one with the lower number is the nearer."""
 AHEAD = 0.1
 """How far a node's home must be ahead of the last one's to follow it at the tip, relative to the
 way to the second next nodes."""
@@ -127,8 +130,8 @@ class NodeChain:
         """Return the nodes that may be at the tip, the nearest at home first."""
         if self._free is None:
             self._free = self._free_around()
-        away = np.sum((self.mesh.home[self._free] - point) ** 2, axis=1)
-        return [int(node) for node in self._free[np.argsort(away, kind="stable")]]
+        away = np.linalg.norm(self.mesh.home[self._free] - point, axis=1)
+        return [int(node) for node in self._free[nearest_first(away)]]
 
     def _free_around(self) -> Ints:
         """Return the tip's node and those ahead of it that may follow it."""
@@ -176,7 +179,7 @@ class NodeChain:
         corners = self.mesh.corners(cells)
         for node, point in moves:
             corners[self.mesh.cells[cells] == node] = point
-        return bool(self.mesh.ratios(cells, corners).min() >= LEAST_AREA)
+        return bool(self.mesh.ratios(cells, corners).min() >= (1.0 - TIE) * LEAST_AREA)
 
     def advance(self, moves: Moves) -> bool:
         """Make moves; say whether another node is at the tip now."""
@@ -216,6 +219,18 @@ class NodeChain:
     def _apply(self, moves: Moves) -> None:
         for node, point in moves:
             self.mesh.place(node, point)
+
+
+def nearest_first(distances: Floats) -> Ints:
+    """Return the order of distances, shape (n,), rising; of nearly equal ones the first is first.
+
+    Those count as equal that differ by at most `TIE` of the largest.
+    """
+    order = np.argsort(distances, kind="stable")
+    apart = np.diff(distances[order]) > TIE * float(distances.max(initial=0.0))
+    group = np.concatenate([[0], np.cumsum(apart)]).astype(np.intp)
+    found: Ints = order[np.lexsort((order, group[: len(order)]))]
+    return found
 
 
 class NoNodeError(Exception):

@@ -13,6 +13,9 @@ from scipy.linalg.lapack import dposv
 from needlefem.arrays import Bools, Floats
 from needlefem.errors import SimulationError
 
+TIE = 1e-12
+"""Margin, relative, by which a force must exceed its limit, or a displacement its target, to count:
+what lies at the limit stays as it is, whatever the round-off."""
 FREELY, MOST_ROUNDS = 10, 60
 """Rounds after which what once gave way in a step is not held again, and the most rounds."""
 
@@ -81,9 +84,10 @@ def settle(
                 raise SimulationError("two nodes on the needle hold the same material")
             forces[rows] = solved
         moved = free + compliance @ forces
-        over = held & (forces > limits.grip * limits.high)
-        under = held & (forces < limits.grip * limits.low)
-        back = may & ~held & _against(forces, moved - target, limits)
+        margin = TIE * float(np.abs(forces).max(initial=0.0))
+        over = held & (forces > limits.grip * limits.high + margin)
+        under = held & (forces < limits.grip * limits.low - margin)
+        back = may & ~held & _against(forces, moved - target, limits, free)
         if number >= FREELY:
             back[:] = False
         if not (over.any() or under.any() or back.any()):
@@ -93,6 +97,7 @@ def settle(
     raise SimulationError("what sticks to the needle and what slides was not found")
 
 
-def _against(forces: Floats, beyond: Floats, limits: Limits) -> Bools:
+def _against(forces: Floats, beyond: Floats, limits: Limits, free: Floats) -> Bools:
     """Return which rows at a limit would move against their force."""
-    return np.where(forces >= limits.high, beyond > 0.0, beyond < 0.0)
+    margin = TIE * float(np.abs(free).max(initial=0.0) + np.abs(beyond).max(initial=0.0))
+    return np.where(forces >= limits.high, beyond > margin, beyond < -margin)

@@ -1,6 +1,7 @@
 """Searches over the insertion height."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from enum import StrEnum
 from itertools import pairwise
@@ -8,6 +9,9 @@ from itertools import pairwise
 import numpy as np
 
 from needlefem.arrays import Floats
+
+TIE = 1e-9
+"""Errors that differ by less, relative, count as equal: then the height tried first is kept."""
 
 Miss = Callable[[Floats], "Floats | None"]
 """Signed lateral miss at a height, both of shape (dim - 1,), m; None where out of reach."""
@@ -162,7 +166,7 @@ def golden_section(error: Error, low: float, high: float, tolerance: float) -> S
 
     Ends when the interval is narrower than `tolerance` (m).
     """
-    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
+    ratio = 0.5 * (math.sqrt(5.0) - 1.0)
     tried: list[tuple[float, float]] = []
 
     def evaluate(height: float) -> float:
@@ -172,7 +176,7 @@ def golden_section(error: Error, low: float, high: float, tolerance: float) -> S
     inner, outer = high - ratio * (high - low), low + ratio * (high - low)
     at_inner, at_outer = evaluate(inner), evaluate(outer)
     while high - low > tolerance:
-        if at_inner < at_outer:
+        if _less(at_inner, at_outer):
             high, outer, at_outer = outer, inner, at_inner
             inner = high - ratio * (high - low)
             at_inner = evaluate(inner)
@@ -190,10 +194,18 @@ def grid(error: Error, low: float, high: float, spacing: float) -> Solution:
 
 
 def _best(tried: list[tuple[float, float]]) -> Solution:
-    height, error = min(tried, key=lambda pair: pair[1])
+    height, error = tried[0]
+    for other in tried[1:]:
+        if _less(other[1], error):
+            height, error = other
     found = Found.SOLVED if np.isfinite(error) else Found.UNREACHABLE
     history = tuple((np.array([h]), np.array([e])) for h, e in tried)
     return Solution(found, np.array([height]), error, history)
+
+
+def _less(one: float, other: float) -> bool:
+    """Say whether an error is less than another by more than round-off."""
+    return one < other * (1.0 - TIE)
 
 
 def sign_changes(miss: Miss, low: float, high: float, count: int) -> list[tuple[float, float]]:
