@@ -1,25 +1,34 @@
 """Label maps from files, with their orientation and the names of their segments."""
 
 import dataclasses
-import warnings
-from importlib import import_module
+import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from needlefem.arrays import Bools, Floats, Ints
-from needlefem.errors import CaseError
 from needlefem.frame import Voxels
-from needlefem.inputfile import require_file
+from needlefem.image.metaimage import read_metaimage
+from needlefem.image.nifti import GZIP, read_nifti
+from needlefem.image.nrrd import MAGIC, read_nrrd
+from needlefem.image.otherformats import read_other
+from needlefem.image.volume import (
+    Volume,
+    check_geometry,
+    file_bytes,
+    refusal,
+    shown,
+    whole,
+)
 
-KEY = "--labelmap"
 MOST_LABELS = 256
 """More different values than that are grey values of an image."""
-MILLIMETRE = 1e-3
-"""Unit of the files' coordinates (NRRD and NIfTI as SimpleITK gives them), m."""
+LARGEST_LABEL = 2**31
 FLIPPED = {"LPS": np.array([1.0, 1.0, 1.0]), "RAS": np.array([-1.0, -1.0, 1.0])}
-"""Signs that take SimpleITK's coordinates, which are LPS, to a space."""
+"""Signs that take coordinates in LPS to a space."""
+SEGMENTATION = "give the segmentation, not the image"
+NAMED = re.compile(r"Segment(\d{1,6})_(ID|Name|LabelValue|Layer)", re.ASCII)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,13 +53,17 @@ class LabelMap:
     space : str
         Axes of the scanner's space, ``LPS`` or ``RAS``.
     segments : tuple of Segment
-        In the file's order; without names in the file they are called ``label-1`` and so on.
+        In the file's order; without names in the file they are called ``label-1`` and so on. No
+        two have the same name.
+    remarks : tuple of str
+        Sentences on what the header leaves out.
     """
 
     labels: Ints
     voxels: Voxels
     space: str
     segments: tuple[Segment, ...]
+    remarks: tuple[str, ...] = ()
 
     def mask(self, segment: Segment) -> Bools:
         """Return which voxels belong to a segment, shape (nk, nj, ni)."""
@@ -65,7 +78,7 @@ class LabelMap:
 
 
 def read_labelmap(path: str | Path, space: str = "LPS") -> LabelMap:
-    """Read a label map: ``.nrrd``, ``.seg.nrrd``, ``.nii.gz``, or what else SimpleITK reads.
+    """Read a label map: NRRD, NIfTI, MetaImage, or what else SimpleITK reads.
 
     Parameters
     ----------
@@ -76,86 +89,138 @@ def read_labelmap(path: str | Path, space: str = "LPS") -> LabelMap:
     Raises
     ------
     CaseError
-        SimpleITK is not installed, or the file can't be read, is no volume, holds no labels.
+        The file can't be read, contradicts itself, is no volume, or holds no labels.
     """
     path = Path(path)
-    image = _image(path)
-    layers = _labels(image, path)
-    segments = tuple(s for s in _segments(image, layers) if np.any(layers[s.layer] == s.value))
-    if not segments:
-        raise CaseError(KEY, f"'{path.name}' holds no label but 0", "give one with segments")
+    volume, key = _volume(path)
+    axes, spacing = check_geometry(volume, path, key)
+    layers = _labels(volume, path)
+    segments, remarks = _segments(volume, layers, path)
     sign = FLIPPED[space]
     voxels = Voxels(
         file=path.name,
-        origin=_floats(MILLIMETRE * sign * np.array(image.GetOrigin())),
-        axes=tuple(
-            _floats(axis) for axis in (sign[:, None] * np.reshape(image.GetDirection(), (3, 3))).T
-        ),
-        spacing=_floats(MILLIMETRE * np.array(image.GetSpacing())),
-        size=tuple(int(n) for n in image.GetSize()),
+        origin=_floats(sign * volume.origin),
+        axes=tuple(_floats(sign * axis) for axis in axes),
+        spacing=_floats(spacing),
+        size=volume.size,
     )
-    return LabelMap(labels=layers, voxels=voxels, space=space, segments=segments)
+    return LabelMap(
+        labels=layers,
+        voxels=voxels,
+        space=space,
+        segments=segments,
+        remarks=(*volume.remarks, *remarks),
+    )
 
 
 def _floats(values: Floats) -> tuple[float, ...]:
     return tuple(float(value) + 0.0 for value in values)
 
 
-def _image(path: Path) -> Any:
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of its wrapper, not of use here
-            sitk = import_module("SimpleITK")
-    except ModuleNotFoundError:
-        remedy = "pip install 'needlefem[image]'"
-        raise CaseError(KEY, f"reading '{path.name}' needs SimpleITK", remedy) from None
-    require_file(path, KEY, remedy="give a .nrrd, .seg.nrrd or .nii.gz")
-    try:
-        image = sitk.ReadImage(str(path))
-    except RuntimeError:
-        problem = f"'{path.name}' can't be read as an image"
-        raise CaseError(KEY, problem, "give a .nrrd, .seg.nrrd or .nii.gz") from None
-    if image.GetDimension() != 3:
-        problem = f"'{path.name}' has {image.GetDimension()} dimensions"
-        raise CaseError(KEY, problem, "save it as a volume (of one slice if need be)")
-    return image
+def _volume(path: Path) -> tuple[Volume, str]:
+    """Return a file's volume and the header's name of its geometry; the content tells the format.
+
+    A name that promises another format than the content has is no matter.
+    """
+    begin = file_bytes(path, 4096)
+    name = path.name.lower()
+    if begin.startswith(MAGIC):
+        return read_nrrd(path), "space directions"
+    sizes = (b"\x5c\1\0\0", b"\0\0\1\x5c", b"\x1c\2\0\0", b"\0\0\2\x1c")
+    if begin.startswith((GZIP, *sizes)) or name.endswith((".nii", ".nii.gz", ".hdr")):
+        return read_nifti(path), "sform or qform"
+    lines = {line.partition(b"=")[0].strip() for line in begin.splitlines()}
+    if name.endswith((".mha", ".mhd")) or {b"NDims", b"DimSize"} <= lines:
+        return read_metaimage(path), "TransformMatrix"
+    if name.endswith((".nrrd", ".nhdr")):
+        raise refusal(path, "it does not begin as NRRD does", "copy or save it anew")
+    return read_other(path), "directions"
 
 
-def _labels(image: Any, path: Path) -> Ints:
+def _labels(volume: Volume, path: Path) -> Ints:
     """Return the labels by layer, shape (nlayers, nk, nj, ni)."""
-    values = import_module("SimpleITK").GetArrayViewFromImage(image)
-    layers = np.moveaxis(values, -1, 0) if values.ndim == 4 else values[None]
-    rounded = np.rint(layers)
-    odd = layers[layers != rounded]
-    if odd.size:
-        problem = f"'{path.name}' holds {odd[0]:g}, which is no label"
-        raise CaseError(KEY, problem, "give the segmentation, not the image")
-    labels: Ints = rounded.astype(np.intp)
-    count = len(np.unique(labels))
-    if count > MOST_LABELS:
-        problem = f"'{path.name}' holds {count} different values"
-        raise CaseError(KEY, problem, "give the segmentation, not the image")
+    layers = volume.values
+    if layers.dtype.kind == "f":
+        rounded = np.rint(layers)
+        with np.errstate(invalid="ignore"):
+            odd = layers[~(layers == rounded) | ~(np.abs(layers) < LARGEST_LABEL)]
+        if odd.size:
+            raise refusal(path, f"it holds {odd[0]:g}, which is no label", SEGMENTATION)
+        layers = rounded.astype(np.int64)
+    found = np.unique(np.concatenate([np.unique(part) for layer in layers for part in layer]))
+    if len(found) > MOST_LABELS:
+        raise refusal(path, f"it holds {len(found)} different values", SEGMENTATION)
+    if found[0] < -LARGEST_LABEL or found[-1] >= LARGEST_LABEL:
+        worst = found[0] if found[0] < -LARGEST_LABEL else found[-1]
+        raise refusal(path, f"it holds {worst}, which is no label", SEGMENTATION)
+    if not np.any(found):
+        raise refusal(path, "it holds no label but 0", "give one with segments")
+    labels: Ints = layers
     return labels
 
 
-def _segments(image: Any, layers: Ints) -> list[Segment]:
-    """Return the segments that the file names (as 3D Slicer does), or one for every value."""
-    said = {key: image.GetMetaData(key).strip() for key in image.GetMetaDataKeys()}
-    found: list[Segment] = []
-    number = 0
-    while (name := said.get(f"Segment{number}_Name")) is not None:
-        own = number if len(layers) > 1 and f"Segment{number}_Layer" not in said else 0
-        layer = int(said.get(f"Segment{number}_Layer", own))
-        value = int(said.get(f"Segment{number}_LabelValue", 1))
-        taken = {segment.name for segment in found}
-        found.append(Segment(name if name not in taken else f"{name} {number}", value, layer))
-        number += 1
-    if found:
-        return found
-    several = len(layers) > 1
-    return [
-        Segment(f"label-{layer}-{value}" if several else f"label-{value}", int(value), layer)
+def _segments(
+    volume: Volume, layers: Ints, path: Path
+) -> tuple[tuple[Segment, ...], tuple[str, ...]]:
+    """Return the segments with voxels, those that the file names first, and what there is to say.
+
+    3D Slicer names them ``SegmentN_Name``; a value without a name is called by its number.
+    """
+    present = [
+        (layer, int(value))
         for layer, labels in enumerate(layers)
         for value in np.unique(labels)
         if value != 0
     ]
+    named = _named(volume.fields, len(layers), path)
+    remarks = [
+        f"Segment {shown(name)} holds no voxel." for at, name in named.items() if at not in present
+    ]
+    if named:
+        remarks += [
+            f"Value {value} of {path.name} has no name there: it is called label-{value}."
+            for layer, value in present
+            if (layer, value) not in named
+        ]
+    several = len(layers) > 1
+    plain = {at: f"label-{at[0]}-{at[1]}" if several else f"label-{at[1]}" for at in present}
+    order = [at for at in named if at in present] + [at for at in present if at not in named]
+    found: list[Segment] = []
+    taken: set[str] = set()
+    for layer, value in order:
+        name = different(named.get((layer, value), plain[layer, value]), taken)
+        taken.add(name)
+        found.append(Segment(name, value, layer))
+    return tuple(found), tuple(remarks)
+
+
+def different(name: str, taken: set[str]) -> str:
+    """Return a name, with the first number from 2 on behind it that makes it a new one."""
+    chosen, number = name, 2
+    while chosen in taken:
+        chosen, number = f"{name} {number}", number + 1
+    return chosen
+
+
+def _named(fields: Mapping[str, str], count: int, path: Path) -> dict[tuple[int, int], str]:
+    """Return the names in a header by layer and value, in the order of their numbers."""
+    said: dict[int, dict[str, str]] = {}
+    for key, text in fields.items():
+        match = NAMED.fullmatch(key)
+        if match:
+            said.setdefault(int(match[1]), {})[match[2]] = text.strip()
+    found: dict[tuple[int, int], str] = {}
+    for number, own in sorted(said.items()):
+        first = number if count > 1 and not any("Layer" in other for other in said.values()) else 0
+        key = f"Segment{number}_Layer"
+        layer = whole(own.get("Layer", str(first)), key, path, 0)
+        if layer >= count:
+            problem = f"{key}: {layer}, but there are {count} layers"
+            raise refusal(path, problem, "correct the header")
+        key = f"Segment{number}_LabelValue"
+        value = whole(own.get("LabelValue", "1"), key, path)
+        if (layer, value) in found:
+            problem = f"{key}: {value} is already another segment's"
+            raise refusal(path, problem, "correct the header")
+        found[layer, value] = own.get("Name") or own.get("ID") or f"label-{value}"
+    return found

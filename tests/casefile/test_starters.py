@@ -148,7 +148,7 @@ def test_a_label_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ("--target 1,2,3 --direction 0,0,1", "'1,2,3' has no unit; write 3 numbers"),
         ("--target Tumour --direction 0,0,1 --segments prostate", "did you mean 'Prostate'?"),
         ("--target Tumour --entry 12,-31,70mm", "has no unit"),
-        ("--target Tumour --direction 0,0,1 --margin -1_mm", "give a positive length"),
+        ("--target Tumour --direction 0,0,1 --margin -1_mm", "give a length above 0 and up to 1 m"),
         ("--target 12,-31,400_mm --direction 0,0,1", "(12, -31, 400) mm in LPS is outside the im"),
         ("--target 12,-31,74_mm --entry 12,-31,70_mm", "reaches 1"),
         ("--target 45,-31,74_mm --direction 0,0,1 --across 0,1,0", "meets none of Prostate, Tumo"),

@@ -71,13 +71,17 @@ def test_what_is_no_label_map(tmp_path: Path, values: np.ndarray, says: str) -> 
 
 def test_files_that_can_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "map.nrrd").write_text("no image")
-    with pytest.raises(CaseError, match=r"'map.nrrd' can't be read as an image"):
+    with pytest.raises(CaseError, match=r"'map.nrrd': it does not begin as NRRD does"):
         read_labelmap(tmp_path / "map.nrrd")
+    (tmp_path / "map.gipl").write_text("no image")
+    with pytest.raises(CaseError, match=r"'map.gipl': can't be read as an image"):
+        read_labelmap(tmp_path / "map.gipl")
     with pytest.raises(CaseError, match="--labelmap: can.t read"):
         read_labelmap(tmp_path / "other.nrrd")
     monkeypatch.setitem(sys.modules, "SimpleITK", None)
-    with pytest.raises(CaseError, match=r"needs SimpleITK; pip install 'needlefem\[image\]'"):
-        read_labelmap(tmp_path / "map.nrrd")
+    with pytest.raises(CaseError, match=r"SimpleITK may read; pip install 'needlefem\[image\]'"):
+        read_labelmap(tmp_path / "map.gipl")
+    assert read_labelmap(maps.write(tmp_path / "own.nrrd")).segments  # our own formats need none
 
 
 def test_outlines_lie_within_half_a_voxel_of_the_surface(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """A case from a label map: the plane of the needle, cut out of it."""
 
+import csv
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
@@ -73,7 +74,8 @@ def _chosen(labelmap: LabelMap, names: str) -> list[Segment]:
     if not names:
         return list(known.values())
     found = []
-    for name in (part.strip() for part in names.split(",")):
+    wanted = [names] if names in known else next(csv.reader([names], skipinitialspace=True))
+    for name in (part if part in known else part.strip() for part in wanted):
         if name not in known:
             raise CaseError("--segments", f"no segment '{name}'", nearest(name, known))
         found.append(known[name])

@@ -8,6 +8,13 @@ from needlefem.arrays import Vector
 from needlefem.errors import CaseError
 from needlefem.units import parse_quantity
 
+FARTHEST = 100.0
+"""Largest coordinate of a point, m."""
+WIDEST = 1.0
+"""Widest margin around the regions, m."""
+LENGTHS = (1e-9, 1e9)
+"""Range of the largest component of a direction: what is beyond is no direction but a mistake."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Wanted:
@@ -42,8 +49,9 @@ class Wanted:
     def around(self) -> float:
         """The margin, m."""
         found = parse_quantity(self.margin, "length", "--margin")
-        if not found > 0.0:
-            raise CaseError("--margin", f"'{self.margin}' is no margin", "give a positive length")
+        if not 0.0 < found <= WIDEST:
+            remedy = f"give a length above 0 and up to {WIDEST:g} m"
+            raise CaseError("--margin", f"'{self.margin}' is no margin", remedy)
         return found
 
 
@@ -61,8 +69,12 @@ def point_of(text: str, dim: int, key: str) -> Vector:
     if len(first) + 1 != dim or not unit:
         problem = f"'{text}' is no point" if unit else f"'{text}' has no unit"
         raise CaseError(key, problem, f"write {dim} numbers and a unit: '{example} mm'")
-    return np.array([parse_quantity(f"{n.strip()} {unit}", "length", key) for n in first] + [
-        parse_quantity(last.strip(), "length", key)])  # fmt: skip
+    texts = [*(f"{number.strip()} {unit}" for number in first), last.strip()]
+    found = np.array([parse_quantity(one, "length", key) for one in texts])
+    if not np.all(np.abs(found) <= FARTHEST):
+        remedy = f"give coordinates of at most {FARTHEST:g} m"
+        raise CaseError(key, f"'{text}' is no point of a body", remedy)
+    return found
 
 
 def direction_of(text: str, dim: int, key: str) -> Vector:
@@ -71,8 +83,9 @@ def direction_of(text: str, dim: int, key: str) -> Vector:
         found = np.array([float(part) for part in text.split(",")])
     except ValueError:
         found = np.empty(0)
-    if len(found) != dim or not np.all(np.isfinite(found)) or not np.any(found):
-        remedy = f"write {dim} numbers, not all zero, separated by commas"
+    largest = float(np.abs(found).max(initial=0.0))
+    if len(found) != dim or not LENGTHS[0] <= largest <= LENGTHS[1]:
+        remedy = f"write {dim} plain numbers, not all zero, separated by commas"
         raise CaseError(key, f"'{text}' is no direction", remedy)
     unit: Vector = found / np.linalg.norm(found)
     return unit

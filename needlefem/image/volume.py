@@ -1,0 +1,225 @@
+"""A volume of voxels as a file states it, and what the readers of all formats check."""
+
+import bz2
+import dataclasses
+import math
+import re
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.errors import CaseError
+from needlefem.inputfile import read_bytes, require_file
+
+KEY = "--labelmap"
+FORMATS = "give a .nrrd, .seg.nrrd, .nii.gz or .mha"
+CONVERT = "save it as .nrrd, .nii.gz or .mha (3D Slicer does)"
+MOST_VOXELS = 500_000_000
+"""Voxels times layers that are read: what an ordinary computer holds a few times."""
+SPACINGS = (1e-7, 0.1)
+"""Plausible distances of voxels, m."""
+FARTHEST = 100.0
+"""Largest plausible coordinate of the scanner's space, m."""
+SHEAR = 0.1
+"""How far straightening the axes may move a voxel, shortest sides of a voxel."""
+UNITS = {
+    "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0,
+    "cm": 1e-2, "centimeter": 1e-2, "centimetre": 1e-2,
+    "mm": 1e-3, "millimeter": 1e-3, "millimetre": 1e-3, "millimeters": 1e-3, "millimetres": 1e-3,
+    "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "micron": 1e-6, "microns": 1e-6,
+    "micrometer": 1e-6, "micrometre": 1e-6, "micrometers": 1e-6, "micrometres": 1e-6,
+    "nm": 1e-9,
+}  # fmt: skip
+"""Lengths (m) of the units that headers name."""
+LPS = {"L": (0, 1.0), "R": (0, -1.0), "P": (1, 1.0), "A": (1, -1.0), "S": (2, 1.0), "I": (2, -1.0)}
+"""Axis and sign in the space LPS of every letter of an anatomical space."""
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WHOLE = re.compile(r"[+-]?\d{1,18}", re.ASCII)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Volume:
+    """Voxels in the space LPS.
+
+    Parameters
+    ----------
+    values : array, shape (nlayers, nk, nj, ni)
+        As the file has them.
+    origin : array, shape (3,), m
+        Centre of the first voxel.
+    steps : array, shape (3, 3), m
+        Rows: from a voxel to the next along i, j and k.
+    fields : mapping
+        What else the header says, by key.
+    remarks : tuple of str
+        Sentences on what the header leaves out.
+    """
+
+    values: np.ndarray
+    origin: Floats
+    steps: Floats
+    fields: Mapping[str, str]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        """Numbers of voxels along i, j and k."""
+        return self.values.shape[:0:-1]
+
+
+def refusal(path: Path, problem: str, remedy: str = CONVERT) -> CaseError:
+    """Return the error of a file that can't be used."""
+    return CaseError(KEY, f"'{path.name}': {problem}", remedy)
+
+
+def number(text: str, key: str, path: Path) -> float:
+    """Return a finite number that a header writes under a key."""
+    value = float(text) if _NUMBER.fullmatch(text) else math.nan
+    if not math.isfinite(value):
+        raise refusal(path, f"{key}: {shown(text)} is no finite number", "correct the header")
+    return value
+
+
+def whole(text: str, key: str, path: Path, low: int | None = None) -> int:
+    """Return a whole number, of at least `low`, that a header writes under a key."""
+    if not _WHOLE.fullmatch(text) or (low is not None and int(text) < low):
+        least = "" if low is None else f" of at least {low}"
+        problem = f"{key}: {shown(text)} is no whole number{least}"
+        raise refusal(path, problem, "correct the header")
+    return int(text)
+
+
+def shown(text: str, most: int = 40) -> str:
+    """Return a text of a header in quotes, shortened, in printable characters."""
+    return ascii(text if len(text) <= most else text[:most] + "...")
+
+
+def unit_of(text: str, key: str, path: Path) -> float:
+    """Return the length (m) of a unit that a header names under a key."""
+    known = UNITS.get(text.strip().lower())
+    if known is None:
+        problem = f"{key}: {shown(text)} is no known unit of length"
+        raise refusal(path, problem, "save it in mm")
+    return known
+
+
+def voxel_count(sizes: Sequence[int], path: Path) -> int:
+    """Return the product of sizes, refused where no memory would hold the voxels."""
+    count = math.prod(sizes)
+    if count > MOST_VOXELS:
+        problem = f"{count:.3g} voxels, of which {MOST_VOXELS:.1g} are the most that is read"
+        raise refusal(path, problem, "crop it to the surroundings of the needle")
+    return count
+
+
+def file_bytes(path: Path, most: int = -1) -> bytes:
+    """Return the bytes of a regular file, the first `most` of them."""
+    if most < 0:
+        return read_bytes(path, KEY, remedy=FORMATS)
+    with require_file(path, KEY, remedy=FORMATS).open("rb") as file:
+        return file.read(most)
+
+
+def inflated(data: bytes, compression: str, most: int, path: Path, *, whole: bool = True) -> bytes:
+    """Return compressed data, at most `most` bytes and one more.
+
+    Parameters
+    ----------
+    data : bytes
+    compression : str
+        ``gzip``, ``zlib`` or ``bzip2``.
+    most : int
+    path : Path
+        For messages.
+    whole : bool
+        Whether the end of the data must be reached.
+
+    Raises
+    ------
+    CaseError
+        The data are damaged or end early.
+    """
+    make: Mapping[str, Callable[[], Any]] = {
+        "gzip": lambda: zlib.decompressobj(31),
+        "zlib": zlib.decompressobj,
+        "bzip2": bz2.BZ2Decompressor,
+    }
+    found, left = b"", data
+    while left and len(found) <= most:
+        stream = make[compression]()
+        try:
+            found += stream.decompress(left, most + 1 - len(found))
+        except (zlib.error, OSError, ValueError, EOFError):
+            raise refusal(path, f"its {compression} data are damaged", "save it anew") from None
+        if not stream.eof and len(found) <= most and whole:
+            problem = f"its {compression} data end early: the file is cut off or damaged"
+            raise refusal(path, problem, "copy or save it anew")
+        left = stream.unused_data.lstrip(b"\0")
+    return found
+
+
+def array_of(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path) -> np.ndarray:
+    """Return binary data as an array, refused if they are not as many as the header says."""
+    wanted = voxel_count(shape, path) * dtype.itemsize
+    if len(data) != wanted:
+        found = f"more than {wanted:,}" if len(data) > wanted else f"{len(data):,}"
+        problem = f"it has {found} bytes of voxels, by its header there are {wanted:,}"
+        raise refusal(path, problem, "it is cut off or its header is wrong: save it anew")
+    return np.frombuffer(data, dtype).reshape(shape)
+
+
+def array_of_text(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path) -> np.ndarray:
+    """Return numbers that are written as text as an array; see `array_of`."""
+    wanted = voxel_count(shape, path)
+    if not re.fullmatch(rb"[\d\s+\-.eE,]*", data):
+        raise refusal(path, "its voxels are no numbers", "save it anew")
+    words = data.replace(b",", b" ").split()
+    if len(words) != wanted:
+        problem = f"it has {len(words):,} voxels, by its header there are {wanted:,}"
+        raise refusal(path, problem, "it is cut off or its header is wrong: save it anew")
+    try:
+        values = np.array(words, dtype=float)
+        with np.errstate(all="ignore"):
+            found = values.astype(dtype)
+    except ValueError:
+        raise refusal(path, "its voxels are no numbers", "save it anew") from None
+    if not np.array_equal(found, values):
+        raise refusal(path, f"voxels that are no {dtype.name}", "correct the header's type")
+    return found.reshape(shape)
+
+
+def check_geometry(volume: Volume, path: Path, key: str) -> tuple[Floats, Floats]:
+    """Return the voxels' axes (rows, orthonormal) and their spacing, shapes (3, 3) and (3,), m.
+
+    Raises
+    ------
+    CaseError
+        Spacing or origin are not plausible, or the axes are not at right angles.
+    """
+    steps, origin = volume.steps, volume.origin
+    with np.errstate(all="ignore"):
+        spacing = np.linalg.norm(steps, axis=1)
+    low, high = SPACINGS
+    if not np.all((spacing >= low) & (spacing <= high)):
+        sides = " x ".join(f"{1e3 * x:.3g}" for x in spacing)
+        problem = f"{key}: voxels of {sides} mm"
+        raise refusal(path, problem, "correct the header (or its unit)")
+    if not np.all(np.abs(origin) <= FARTHEST):
+        place = ", ".join(f"{1e3 * x:.3g}" for x in origin)
+        problem = f"its first voxel is at ({place}) mm"
+        raise refusal(path, problem, "correct the header (or its unit)")
+    axes = steps / spacing[:, None]
+    left, sizes, right = np.linalg.svd(axes)
+    straight = left @ right
+    reach = np.array(volume.size) * spacing
+    moved = float(np.linalg.norm((axes - straight) * reach[:, None], axis=1).sum())
+    if sizes[-1] < 1e-3 or moved > SHEAR * spacing.min():
+        angles = axes @ axes.T
+        worst = math.degrees(math.asin(min(1.0, float(np.abs(angles - np.eye(3)).max()))))
+        problem = f"{key}: the voxels' axes are not at right angles (by {worst:.2g} degrees)"
+        raise refusal(path, problem, "resample it onto a straight grid")
+    return straight, spacing
