@@ -179,7 +179,7 @@ def energy_taken(integrator: Integrator) -> float:
         before, after = _push(step * number), _push(step * (number + 1))
         old, motion = motion, stepper.advance_under(motion, before, after)
         ledger.add(old, motion, before, after)
-    return abs(ledger.algorithmic) / ledger.turnover
+    return abs(ledger.algorithmic) / ledger.turnover + ledger.residual
 
 
 def measured(integrator: Integrator) -> dict[str, float]:

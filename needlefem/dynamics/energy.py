@@ -4,7 +4,7 @@ import dataclasses
 
 from needlefem.arrays import Floats
 from needlefem.dynamics.memory import Memory
-from needlefem.dynamics.steppers import Motion, StaticStepper, Stepper
+from needlefem.dynamics.steppers import Motion, StaticStepper, Stepper, Weights
 from needlefem.dynamics.systems import System
 
 
@@ -19,10 +19,12 @@ class EnergyLedger:
 
     Over a step forces are taken as the mean of those at its ends. `kinetic`, `strain` and
     `stored` (in the springs of viscoelastic branches) are what was gained since the start;
-    `damping` and `relaxation` what viscosity took; `algorithmic` what the integrator took
-    because forces balance within its steps, not at their ends, and because its kinetic energy is
-    not the work of inertia. Average acceleration has none of the last. `turnover` is the work of
-    all steps, whatever its sign.
+    `damping` and `relaxation` what viscosity took; `algorithmic` what the integrator took (see
+    `_algorithmic`). Average acceleration takes nothing. `turnover` is the work of all steps,
+    whatever its sign. No term is found from the others: `residual` tells whether all are right.
+
+    A stepper that is not a member of the generalised-alpha family (one without `weights`) has no
+    `algorithmic` term here: what it takes is then all that is missing, and in `residual`.
     """
 
     stepper: Stepper
@@ -37,30 +39,63 @@ class EnergyLedger:
 
     def __post_init__(self) -> None:
         self._memory = Memory(self.stepper.system.branches, self.stepper.step)
+        self._weights: Weights | None = getattr(self.stepper, "weights", None)
 
     def add(self, old: Motion, new: Motion, before: Floats, after: Floats) -> None:
         """Account for one step under forces at its start and end, shape (n,), N."""
         system, moved = self.stepper.system, new.u - old.u
         work = 0.5 * float((before + after) @ moved)
-        elastic = float(system.stiffness_times(0.5 * (old.u + new.u)) @ moved)
-        kinetic, inertia, drag = 0.0, 0.0, 0.0
-        if not isinstance(self.stepper, StaticStepper):
-            kinetic = kinetic_energy(system, new.v) - kinetic_energy(system, old.v)
-            inertia = float(system.mass_times(0.5 * (old.a + new.a)) @ moved)
-            drag = float(system.products(None, 0.5 * (old.v + new.v), None) @ moved)
-        relaxing = 0.0
-        if self._memory:
-            parts = (old.parts, new.parts)
-            self.stored += self._memory.energy(parts[1]) - self._memory.energy(parts[0])
-            self.relaxation += self._memory.lost(*parts)
-            relaxing = float(self._memory.force(0.5 * (parts[0] + parts[1])) @ moved)
         self.work += work
         self.turnover += abs(work)
-        self.kinetic += kinetic
         self.strain += system.strain_energy(new.u) - system.strain_energy(old.u)
-        self.damping += drag
-        out_of_balance = work - inertia - drag - elastic - relaxing
-        self.algorithmic += out_of_balance + (inertia - kinetic)
+        if not isinstance(self.stepper, StaticStepper):
+            self.kinetic += kinetic_energy(system, new.v) - kinetic_energy(system, old.v)
+            if system.damped:
+                mean = 0.5 * (old.v + new.v)
+                self.damping += float(system.products(None, mean, None) @ moved)
+        if self._memory:
+            self.stored += self._memory.energy(new.parts) - self._memory.energy(old.parts)
+            self.relaxation += self._memory.lost(old.parts, new.parts)
+        if self._weights is not None:
+            self.algorithmic += self._algorithmic(old, new, after - before)
+
+    def _algorithmic(self, old: Motion, new: Motion, more: Floats) -> float:
+        """Return what the integrator takes in a step in which the force grew by `more`.
+
+        The balance ``M a_m + C v_f + K u_f + sum_b K_b p_f = f_f`` holds between the step's ends,
+        ``x_m = x_mean + (1/2 - m) dx`` and ``x_f = x_mean + (1/2 - f) dx`` with
+        ``x_mean = (x_0 + x_1) / 2``, ``dx = x_1 - x_0``, and with Newmark's rule
+        ``du = dt v_mean + dt^2 (b - g/2) da`` and ``dv = dt (a_mean + (g - 1/2) da)``. Multiplied
+        by ``du``, with ``du . M a_mean`` written as the change of the kinetic energy
+        ``dv . M v_mean`` and what is left, it reads::
+
+            f_mean . du = d(kinetic) + d(strain) + damping + sum_b du . K_b p_mean + taken
+
+            taken = (1/2 - f) du . (K du + C dv + sum_b K_b dp - df)
+                  + (1 - m - g) du . M da  +  dt (b - g/2) dv . M da
+
+        For ``m = f = 0`` this is the balance of Newmark's method (T. J. R. Hughes 2000, chapter
+        9; S. Krenk, Comput. Methods Appl. Mech. Eng. 195, 2006), in which balance at both ends
+        turns the first bracket into ``-du . M da``. It vanishes for ``b = 1/4, g = 1/2``.
+        """
+        system, weights = self.stepper.system, self._weights
+        assert weights is not None
+        moved, early = new.u - old.u, 0.5 - weights.force
+        unbalanced = -more
+        if isinstance(self.stepper, StaticStepper):
+            unbalanced += system.stiffness_times(moved)
+        else:
+            faster = new.v - old.v if system.damped else None
+            unbalanced += system.products(None, faster, moved)
+        if self._memory:
+            unbalanced += self._memory.force(new.parts - old.parts)
+        taken = early * float(unbalanced @ moved)
+        if isinstance(self.stepper, StaticStepper):
+            return taken
+        inertia = system.mass_times(new.a - old.a)
+        taken += (1.0 - weights.mass - weights.gamma) * float(inertia @ moved)
+        late = self.stepper.step * (weights.beta - 0.5 * weights.gamma)
+        return taken + late * float(inertia @ (new.v - old.v))
 
     @property
     def residual(self) -> float:

@@ -146,6 +146,8 @@ class ExplicitStepper:
     ``M + dt C / 2``).
     """
 
+    weights = Weights(0.0, 0.0, 0.0, 0.5)
+
     def __init__(self, system: System, step: float) -> None:
         self.system, self.step = system, step
         self._memory = Memory(system.branches, step)
@@ -173,6 +175,8 @@ class ExplicitStepper:
 
 class StaticStepper:
     """Equilibrium after every step; velocity is the difference; see `Stepper`."""
+
+    weights = Weights(0.0, 0.0, 0.0, 1.0)
 
     def __init__(self, system: System, step: float) -> None:
         self.system, self.step = system, step

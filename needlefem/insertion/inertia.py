@@ -98,7 +98,7 @@ class DynamicMedium:
         self._refuse = refuse_ringing
         self._steppers: Recent[float, tuple[ImplicitStepper, Responses]] = Recent()
         self._energies = dict.fromkeys(TERMS, 0.0)
-        self._forces, self._needed, self._pace = np.zeros((3, system.size))
+        self._forces, self._pace = np.zeros((2, system.size))
         self.motion: Motion | None = None
         self._start: Motion
         self.background: Floats | None = None
@@ -154,26 +154,11 @@ class DynamicMedium:
         stepper, old, force = self._stepper, self._start, load[self.model.free_dofs]
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
         self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
-        needed = self._force_of(old, self.motion)
         ledger = EnergyLedger(stepper)
-        ledger.add(old, self.motion, self._needed, needed)
+        ledger.add(old, self.motion, self._forces, force)
         for name in TERMS:
             self._energies[name] += getattr(ledger, name)
-        self._forces, self._needed = force, needed
-
-    def _force_of(self, old: Motion, new: Motion) -> Floats:
-        """Return the force at the step's end that the motion takes, from the motion alone."""
-        early, late = self._stepper.weights.mass, self._stepper.weights.force
-        found = self.system.products(
-            early * old.a + (1.0 - early) * new.a,
-            late * old.v + (1.0 - late) * new.v if self.system.damped else None,
-            late * old.u + (1.0 - late) * new.u,
-        )
-        pairs = zip(self.system.branches, old.parts, new.parts, strict=True)
-        for (_, stiffness), before, after in pairs:
-            found += stiffness @ (late * before + (1.0 - late) * after)
-        needed: Floats = (found - late * self._needed) / (1.0 - late)
-        return needed
+        self._forces = force
 
     def energies(self) -> dict[str, float]:
         """See `Medium`."""
