@@ -1,23 +1,25 @@
 """``needlefem verify --stress``."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from needlefem.cli.common import say, say_json
 from needlefem.errors import CaseError
-from needlefem.stress import scenes
+from needlefem.stress import inputs, scenes
+from needlefem.table import Table
 
 
 def main(options: argparse.Namespace) -> int:
     """Run random scenes or damaged inputs and report; 1 if a requirement is not met."""
-    numbers = _numbers(options)
-    runs = scenes.run_scenes(options.seed, numbers, options.processes, scenes.warn_line)
-    if options.json:
-        say_json(scenes.record(options.seed, runs))
-    else:
-        say(scenes.summary(runs).text())
-        for line in scenes.listing(options.seed, runs):
-            say(line)
+    return _scenes(options) if options.stress == "scenes" else _inputs(options)
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    numbers = _numbers(options, scenes.COUNT)
+    runs = scenes.run_scenes(options.seed, numbers, options.processes, _tell)
+    _report(options, scenes.record(options.seed, runs), scenes.summary(runs),
+            scenes.listing(options.seed, runs))  # fmt: skip
     if options.out and options.only is not None:
         path = scenes.write_scene(options.seed, options.only, Path(options.out))
         if not options.json:
@@ -25,10 +27,40 @@ def main(options: argparse.Namespace) -> int:
     return 0 if scenes.passed(runs) else 1
 
 
-def _numbers(options: argparse.Namespace) -> list[int]:
+def _inputs(options: argparse.Namespace) -> int:
+    from needlefem.cli.main import main as command_line  # noqa: PLC0415  (it imports this module)
+
+    if options.out and options.only is not None:
+        runs = [inputs.keep_input(command_line, options.seed, options.only, Path(options.out))]
+    else:
+        numbers = _numbers(options, inputs.COUNT)
+        runs = inputs.run_inputs(command_line, options.seed, numbers, options.processes, _tell)
+    _report(options, inputs.record(options.seed, runs), inputs.summary(runs),
+            inputs.listing(options.seed, runs))  # fmt: skip
+    return 0 if inputs.passed(runs) else 1
+
+
+def _report(
+    options: argparse.Namespace, record: dict[str, object], table: Table, lines: list[str]
+) -> None:
+    if options.json:
+        say_json(record)
+        return
+    say(table.text())
+    for line in lines:
+        say(line)
+
+
+def _numbers(options: argparse.Namespace, most: int) -> list[int]:
     if options.only is not None:
         return [options.only]
-    count = scenes.COUNT if options.count is None else options.count
-    if count < 1:
-        raise CaseError("--count", f"{count} scenes", "give 1 at least")
+    count = most if options.count is None else options.count
+    if count < 1 or options.processes < 1:
+        key = "--count" if count < 1 else "--processes"
+        raise CaseError(key, f"{min(count, options.processes)}", "give 1 at least")
     return list(range(count))
+
+
+def _tell(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

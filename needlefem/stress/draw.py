@@ -278,7 +278,7 @@ class _Draw:
     def _mesh(self) -> Any:
         random, grid, data = self.random, self.grid, self.data
         if grid.from_file:
-            kind = self.kind("file", {"gmsh22": 0.6, "gmsh22-binary": 0.4})
+            kind = self.kind("file", {"gmsh41": 0.4, "gmsh22": 0.3, "gmsh22-binary": 0.3})
             groups = {n: p for n, p in self.inclusions.items() if "group" in data["regions"][n]}
             mesh = grid_of_file(random, grid, groups, kind, self.out)
             data["mesh"] = {"file": "mesh.msh", "unit": length(MESH_UNIT)}

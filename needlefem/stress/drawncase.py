@@ -3,7 +3,6 @@
 import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from needlefem.arrays import Ints, Points
@@ -120,28 +119,14 @@ def _walked(node: Any, of: Callable[[Quantity], Quantity]) -> Any:
     return node
 
 
-def write_drawn_case(case: DrawnCase, folder: Path, comment: str = "") -> Path:
-    """Write the case file, its contours and its mesh into a folder; return the case's path."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, points in case.contours.items():
-        rows = [f"{x!r}, {y!r}" for x, y in points.tolist()]
-        (folder / name).write_text("\n".join(["y [m], z [m]", *rows]) + "\n", encoding="utf-8")
-    if case.mesh is not None:
-        write_drawn_mesh(case.mesh, folder / str(case.data["mesh"]["file"]))
-    path = folder / "case.toml"
-    head = [f"# {comment}"] if comment else []
-    path.write_text("\n".join([*head, *toml_lines(case.data)]) + "\n", encoding="utf-8")
-    return path
-
-
 def toml_lines(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
     """Yield the lines of a TOML file for a tree with `Quantity` leaves."""
     deeper = []
     for key, value in table.items():
-        name = json.dumps(key) if not key.replace("-", "").replace("_", "").isalnum() else key
-        if isinstance(value, Mapping) or (
-            isinstance(value, list) and value and isinstance(value[0], Mapping)
-        ):
+        bare = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
+        name = key if bare else json.dumps(key, ensure_ascii=False)
+        tables = isinstance(value, list) and all(isinstance(item, Mapping) for item in value)
+        if isinstance(value, Mapping) or (tables and value):
             deeper.append((prefix + name, value))
         else:
             yield f"{name} = {_toml(value)}"
@@ -164,35 +149,8 @@ def _toml(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, list):
         return "[" + ", ".join(_toml(item) for item in value) + "]"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(k)} = {_toml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value)
-
-
-def write_drawn_mesh(mesh: DrawnMesh, path: Path) -> None:
-    """Write a mesh through meshio, with physical groups where the format has them."""
-    import meshio  # noqa: PLC0415  (only meshes from files need it)
-    import numpy as np  # noqa: PLC0415
-
-    points = np.column_stack([mesh.points / MESH_UNIT, np.zeros(len(mesh.points))])
-    shape = "triangle" if mesh.cells.shape[1] == 3 else "quad"
-    blocks = [(shape, mesh.cells)]
-    if not mesh.file_format.startswith("gmsh"):
-        meshio.write(path, meshio.Mesh(points, blocks), file_format=mesh.file_format)
-        return
-    first_face = len(mesh.region_names) + 2
-    physical = [mesh.regions + 1]
-    for number, edges in enumerate(mesh.faces.values()):
-        blocks.append(("line", edges))
-        physical.append(np.full(len(edges), first_face + number))
-    names = {"tissue": np.array([1, 2])}
-    names |= {name: np.array([n, 2]) for n, name in enumerate(mesh.region_names, start=2)}
-    names |= {name: np.array([n, 1]) for n, name in enumerate(mesh.faces, start=first_face)}
-    written = meshio.Mesh(
-        points,
-        blocks,
-        cell_data={"gmsh:physical": physical, "gmsh:geometrical": physical},
-        field_data=names,
-    )
-    kind, _, binary = mesh.file_format.partition("-")
-    meshio.write(path, written, file_format=kind, binary=binary == "binary")

@@ -26,7 +26,8 @@ from needlefem.planning.making import Wanted, checked, make
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene
 from needlefem.stress.draw import draw_case
-from needlefem.stress.drawncase import DrawnCase, write_drawn_case
+from needlefem.stress.drawncase import DrawnCase
+from needlefem.stress.drawnfiles import write_drawn_case
 
 ENERGY = 1e-9
 """Largest energy residual, and energy created in a step, over the turnover."""

@@ -1,6 +1,5 @@
 """Many random scenes at once, and a report of what became of them."""
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -9,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.stress.draw import draw_case
-from needlefem.stress.drawncase import write_drawn_case
+from needlefem.stress.drawnfiles import write_drawn_case
 from needlefem.stress.pool import Lost, work_through
 from needlefem.stress.sceneruns import Fault, SceneRun, run_scene
 from needlefem.table import Table
@@ -148,9 +147,3 @@ def record(seed: int, runs: Sequence[SceneRun]) -> dict[str, Any]:
             for run in runs
         ],
     }
-
-
-def warn_line(text: str) -> None:
-    """Write a line of progress on standard error."""
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()

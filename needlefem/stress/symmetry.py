@@ -14,7 +14,8 @@ from needlefem.fem.build import build_model
 from needlefem.fem.model import Model
 from needlefem.resolve import resolve
 from needlefem.scene import Scene, vary
-from needlefem.stress.drawncase import DrawnCase, Units, in_units, write_drawn_case
+from needlefem.stress.drawncase import DrawnCase, Units, in_units
+from needlefem.stress.drawnfiles import write_drawn_case
 from needlefem.stress.sceneruns import Answer, Fault, carry_out
 
 SAME = 1e-6

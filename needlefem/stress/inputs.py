@@ -1,0 +1,128 @@
+"""Many damaged inputs at once, and a report of how they were answered."""
+
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from needlefem.stress.inputfiles import CommandLine, has_label_maps, make_results
+from needlefem.stress.inputruns import InputRun, check_input, draw_input, run_input
+from needlefem.stress.pool import Lost, work_through
+from needlefem.stress.sceneruns import Fault
+from needlefem.table import Table
+
+COUNT = 5000
+"""Inputs when no number is given."""
+SECONDS, MEMORY = 20.0, 4e9
+"""Processor time from which on a command hangs, and address space of a worker, bytes."""
+TELL = 30.0
+"""Seconds between lines of progress."""
+
+
+def run_inputs(
+    command_line: CommandLine,
+    seed: int,
+    numbers: Sequence[int],
+    processes: int,
+    tell: Callable[[str], None],
+) -> list[InputRun]:
+    """Let commands read the inputs of some numbers; `tell` is called with lines of progress."""
+    if not has_label_maps():
+        tell("without label maps: they need SimpleITK (pip install 'needlefem[image]')")
+    runs: list[InputRun] = []
+    told = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as results:
+        make_results(Path(results), command_line)
+        work = partial(run_input, command_line, results, seed)
+        found = work_through(work, numbers, processes=processes, seconds=SECONDS, memory=MEMORY)
+        for number, answer in found:
+            lost = isinstance(answer, Lost)
+            runs.append(_lost(seed, number, answer, Path(results)) if lost else answer)
+            if time.monotonic() - told > TELL:
+                told = time.monotonic()
+                faulty = sum(bool(run.faults) for run in runs)
+                tell(f"{len(runs)} of {len(numbers)} inputs, {faulty} with a fault")
+    return sorted(runs, key=lambda run: run.number)
+
+
+def _lost(seed: int, number: int, lost: Lost, results: Path) -> InputRun:
+    with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as folder:
+        drawn = draw_input(seed, number, Path(folder), results)
+    hangs = Fault(requirement="no hang", detail=lost.reason)
+    return InputRun(
+        number=number,
+        kinds={"input": drawn.kind, "command": drawn.arguments[0]},
+        damage=drawn.damage,
+        command=" ".join(("needlefem", *drawn.arguments)),
+        status="lost",
+        message=lost.reason,
+        faults=(hangs,),
+    )
+
+
+def keep_input(command_line: CommandLine, seed: int, number: int, folder: Path) -> InputRun:
+    """Run one input in a folder, which keeps what it read, wrote and said."""
+    with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as results:
+        make_results(Path(results), command_line)
+        return check_input(command_line, Path(results), seed, number, folder.resolve())
+
+
+def passed(runs: Sequence[InputRun]) -> bool:
+    """Say whether all requirements are met."""
+    return not any(run.faults for run in runs)
+
+
+def summary(runs: Sequence[InputRun]) -> Table:
+    """Return the table of statuses, inputs, commands and faults."""
+    aspects: dict[str, Callable[[InputRun], str]] = {
+        "exit status": lambda run: run.status,
+        "input": lambda run: run.kinds["input"],
+        "command": lambda run: run.kinds["command"],
+        "fault": lambda run: run.faults[0].requirement if run.faults else "none",
+    }
+    rows = []
+    for aspect, label in aspects.items():
+        for name in sorted({label(run) for run in runs}):
+            having = [run for run in runs if label(run) == name]
+            faulty = sum(bool(run.faults) for run in having)
+            rows.append([aspect, name, str(len(having)), str(faulty)])
+    faulty = sum(bool(run.faults) for run in runs)
+    seconds = sum(run.seconds for run in runs)
+    return Table(
+        title="damaged inputs",
+        columns=("aspect", "kind", "inputs", "faults"),
+        rows=rows,
+        passed=passed(runs),
+        note=f"{len(runs)} inputs, {faulty} with a fault, {seconds:.0f} s of processor time",
+    )
+
+
+def command(seed: int, number: int) -> str:
+    """Return the command that runs one input alone and keeps its files."""
+    return f"needlefem verify --stress inputs --seed {seed} --only {number} --out DIR"
+
+
+def listing(seed: int, runs: Sequence[InputRun]) -> list[str]:
+    """Return lines on every input with a fault."""
+    lines = []
+    for run in runs:
+        if not run.faults:
+            continue
+        what = "; ".join(
+            f"{f.requirement}: {f.detail.strip().splitlines()[-1]}" for f in run.faults
+        )
+        lines.append(f"input {run.number} [{run.kinds['input']}; {run.damage}] {run.command}")
+        lines.append(f"    {what}")
+        lines.append(f"    {command(seed, run.number)}")
+    return lines
+
+
+def record(seed: int, runs: Sequence[InputRun]) -> dict[str, Any]:
+    """Return all runs for JSON."""
+    return {
+        "seed": seed,
+        "passed": passed(runs),
+        "inputs": [vars(run) | {"faults": [vars(fault) for fault in run.faults]} for run in runs],
+    }
