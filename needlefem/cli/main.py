@@ -190,6 +190,7 @@ def _verify(parser: argparse.ArgumentParser) -> None:
         "--stress", choices=("scenes", "inputs"), help="run random scenes, or damaged input files"
     )
     stress.add_argument("--count", type=int, metavar="N", help="how many; 2000 or 5000")
+    stress.add_argument("--start", type=int, default=0, metavar="I", help="number of the first")
     stress.add_argument("--seed", type=int, default=1, help="of the random numbers")
     stress.add_argument("--only", type=int, metavar="I", help="number I of the seed alone")
     stress.add_argument("--processes", type=int, default=1, metavar="N", help="to work in")

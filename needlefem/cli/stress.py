@@ -55,10 +55,12 @@ def _numbers(options: argparse.Namespace, most: int) -> list[int]:
     if options.only is not None:
         return [options.only]
     count = most if options.count is None else options.count
-    if count < 1 or options.processes < 1:
-        key = "--count" if count < 1 else "--processes"
-        raise CaseError(key, f"{min(count, options.processes)}", "give 1 at least")
-    return list(range(count))
+    least = {"--count": (count, 1), "--processes": (options.processes, 1),
+             "--start": (options.start, 0), "--seed": (options.seed, 0)}  # fmt: skip
+    for key, (value, bound) in least.items():
+        if value < bound:
+            raise CaseError(key, f"{value}", f"give {bound} at least")
+    return list(range(options.start, options.start + count))
 
 
 def _tell(text: str) -> None:

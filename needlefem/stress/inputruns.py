@@ -288,6 +288,8 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
         inside = any(full == folder or full.startswith(folder + os.sep) for folder in allowed)
         if not inside and full != os.devnull:
             _WATCH.written.append(full)
+    elif event == "subprocess.Popen" and arguments[0] == sys.executable:
+        return  # the renderer is tried in a process of its own
     elif event in ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"):
         _WATCH.written.append(f"{event} {arguments[:2]}")
 
