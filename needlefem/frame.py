@@ -8,6 +8,7 @@ import numpy as np
 from needlefem.arrays import Floats, Points
 from needlefem.errors import CaseError
 from needlefem.knobs import knob
+from needlefem.validation import Validated
 
 Coordinates = tuple[float, ...]
 SQUARE = 1e-6
@@ -15,11 +16,13 @@ SQUARE = 1e-6
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Voxels:
+class Voxels(Validated):
     """The grid of an image in the scanner's space.
 
     The centre of voxel (i, j, k) is at ``origin + i spacing_i axes_i + j ... + k ...``.
     """
+
+    TABLE = "frame.voxels"
 
     file: str = knob("Name of the image's file", default="")
     origin: Coordinates = knob("Centre of the first voxel, in the scanner's space", "length")
@@ -27,7 +30,8 @@ class Voxels:
     spacing: Coordinates = knob("Distances of the voxels' centres", "length", low=0.0)
     size: tuple[int, ...] = knob("Numbers of voxels", low=1.0, closed=True)
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """See `Validated`."""
         _check_vectors("frame.voxels.axes", self.axes, 3)
         for name in ("origin", "spacing", "size"):
             _check_length(f"frame.voxels.{name}", getattr(self, name))
@@ -51,8 +55,10 @@ class Voxels:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Frame:
+class Frame(Validated):
     """The plane of a case in the scanner's space, and the image that was cut by it."""
+
+    TABLE = "frame"
 
     space: str = knob(
         "Axes of the scanner's space: left, posterior, superior (DICOM) or right, anterior, "
@@ -64,7 +70,8 @@ class Frame:
     axes: tuple[Coordinates, ...] = knob("The case's axes as unit vectors in the scanner's space")
     voxels: Voxels | None = None
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """See `Validated`."""
         _check_length("frame.origin", self.origin)
         _check_vectors("frame.axes", self.axes, 2)
 

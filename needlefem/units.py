@@ -1,6 +1,8 @@
 """Quantities as strings with a unit: a closed table, SI inside."""
 
-from needlefem.errors import CaseError
+import math
+
+from needlefem.errors import CaseError, short
 
 UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
@@ -12,8 +14,28 @@ UNITS: dict[str, dict[str, float]] = {
     "speed": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
     "time": {"s": 1.0, "ms": 1e-3},
     "rate": {"1/s": 1.0},
+    "memory": {"GB": 1e9, "MB": 1e6, "kB": 1e3},
 }
 """Factor to SI of every accepted unit, by dimension."""
+LARGEST = {
+    "length": 1e4,
+    "pressure": 1e15,
+    "force": 1e12,
+    "force per length": 1e12,
+    "force per volume": 1e18,
+    "density": 1e9,
+    "speed": 1e4,
+    "time": 1e9,
+    "rate": 1e9,
+    "memory": 1e18,
+}
+"""Largest magnitude of a quantity that makes sense, SI: beyond it squares overflow."""
+PLANE = {
+    "cutting force": "force per length",
+    "shaft friction": "pressure",
+    "lateral stiffness": "force per volume",
+}
+"""What the needle's quantities are measured in: in 2D all forces are per metre of thickness."""
 
 
 def parse_quantity(text: object, dimension: str, key: str) -> float:
@@ -36,21 +58,29 @@ def parse_quantity(text: object, dimension: str, key: str) -> float:
     table = UNITS[dimension]
     example = f'write a {dimension} such as "1 {next(iter(table))}"'
     if not isinstance(text, str):
-        raise CaseError(key, f"{text!r} has no unit", example)
+        raise CaseError(key, f"{short(text)} has no unit", example)
     number, _, unit = text.strip().partition(" ")
     unit = unit.strip()
     try:
         value = float(number)
     except ValueError:
-        raise CaseError(key, f"{text!r} is not a number with a unit", example) from None
+        raise CaseError(key, f"{short(text)} is not a number with a unit", example) from None
+    if not math.isfinite(value):
+        raise CaseError(key, f"{short(text)} is out of range", "it must be finite")
     if unit in table:
         return value * table[unit]
-    options = ", ".join(table)
+    needed = f"a {dimension} is needed: {', '.join(table)}"
     for other, names in UNITS.items():
         if unit in names:
-            raise CaseError(key, f"{text!r} is a {other}", f"a {dimension} is needed: {options}")
-    problem = f"{text!r} has no unit" if not unit else f"unknown unit '{unit}' in {text!r}"
-    raise CaseError(key, problem, f"a {dimension} is needed: {options}")
+            raise CaseError(key, f"{short(text)} is a {other}", needed)
+    if unit:
+        raise CaseError(key, f"unknown unit {short(unit)} in {short(text)}", needed)
+    raise CaseError(key, f"{short(text)} has no unit", needed)
+
+
+def dimension_of(declared: str) -> str:
+    """Return the key of `UNITS` for the dimension that a field declares."""
+    return PLANE.get(declared, declared)
 
 
 def in_unit(value: float, unit: str) -> float:

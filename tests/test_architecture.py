@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
     ["arrays", "errors", "table", "shown"],
     ["units", "knobs", "inputfile"],
+    ["validation"],
     ["contour", "foreign", "frame"],
     ["materials", "elements", "image"],
     ["scene"],

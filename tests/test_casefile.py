@@ -42,7 +42,8 @@ def test_overrides_are_parsed_and_recorded() -> None:
         ('tissue.background="fatt"', "did you mean 'fat'?"),
         ('regions.prostate.contour="other.csv"', "can't read"),
         ("motion.direction=[0, 0]", "not all zero"),
-        ('mesh.size=["7 cm"]', "give 2, one for each axis"),
+        ('mesh.size=["7 cm"]', "mesh.size: 1 edge lengths, 2 divisions"),
+        ("mesh.size=[1, 1]", "mesh.size: 1 has no unit"),
         ('target.point=["1 cm"]', "write 2 lengths"),
         ('needle.tip="round"', "one of disc, point"),
         ('planning.height_range=["1 mm", "-1 mm"]', "swap the ends"),
@@ -165,8 +166,8 @@ def test_obstacles_are_regions_or_contours() -> None:
         ('obstacles={rib={region="rib-6"}}', "obstacles.rib.clearance: missing"),
         ('supports.ribs.regions=["rib-7"]', "no region 'rib-7'"),
         ("supports.ribs={}", "supports.ribs.faces: missing; name faces or regions"),
-        ("planning.directions=[[0, 0]]", "give 2 numbers each, not all zero"),
-        ("planning.directions=[[1, 0, 0]]", "give 2 numbers each, not all zero"),
+        ("planning.directions=[[0, 0]]", "give a number for each axis, not all zero"),
+        ("planning.directions=[[1, 0, 0]]", "3 numbers; give 2, one for each axis"),
     ],
 )
 def test_bad_obstacles_get_one_clear_line(override: str, says: str) -> None:

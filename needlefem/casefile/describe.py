@@ -11,6 +11,7 @@ from needlefem.scene import (
     BoxMesh,
     Discretisation,
     FileMesh,
+    Limits,
     Motion,
     Needle,
     Obstacle,
@@ -40,6 +41,7 @@ TABLES: dict[str, type] = {
     "`[planning]`": Planning,
     "`[targets]`": TargetDraw,
     "`[outputs]`": Outputs,
+    "`[limits]`": Limits,
     "`[frame]`": Frame,
     "`[frame.voxels]`": Voxels,
 }

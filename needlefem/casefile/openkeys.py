@@ -4,14 +4,13 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
-from needlefem.casefile.reader import DIMENSIONS
 from needlefem.casefile.tables import Table
 from needlefem.errors import CaseError
 from needlefem.knobs import knob_of
 from needlefem.materials import LAWS
 from needlefem.materials.tissues import library
 from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Region, Support
-from needlefem.units import UNITS
+from needlefem.units import UNITS, dimension_of
 
 OPEN = "?"
 _CLASSES: dict[str, tuple[type, ...]] = {
@@ -63,5 +62,5 @@ def _what(path: tuple[str, ...]) -> str:
 def _example(dimension: str | None) -> str:
     if dimension is None:
         return ""
-    unit = next(iter(UNITS[DIMENSIONS[2].get(dimension, dimension)]))
+    unit = next(iter(UNITS[dimension_of(dimension)]))
     return f', such as "1 {unit}"'

@@ -1,9 +1,10 @@
 """TOML tables and what can be wrong with them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from needlefem.errors import CaseError, nearest
+from needlefem.errors import CaseError, short
+from needlefem.validation import dotted
 
 Table = Mapping[str, Any]
 
@@ -12,7 +13,7 @@ def table(data: Table, key: str) -> Table:
     """Return a sub-table, or raise a `CaseError` if it is missing or none."""
     found = required(data, key, "")
     if not isinstance(found, dict):
-        raise CaseError(key, f"{found!r} is not a table", f"write [{key}]")
+        raise CaseError(key, f"{short(found)} is not a table", f"write [{key}]")
     return found
 
 
@@ -30,15 +31,3 @@ def required(table: Table, key: str, prefix: str) -> Any:
         where = f"[{prefix}]" if prefix else "the case"
         raise CaseError(dotted(prefix, key), "missing", f"add it to {where}")
     return table[key]
-
-
-def dotted(prefix: str, key: str) -> str:
-    """Return the full name of a key."""
-    return f"{prefix}.{key}" if prefix else key
-
-
-def refuse_unknown(table: Table, known: Sequence[str], prefix: str) -> None:
-    """Raise a `CaseError` for the first key that is not known, with the nearest that is."""
-    for key in table:
-        if key not in known:
-            raise CaseError(dotted(prefix, key), "unknown key", nearest(key, known))

@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
-from needlefem.errors import CaseError, nearest
+from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import assembly
 from needlefem.fem.cellmap import cell_measures
 from needlefem.fem.factor import Factor
@@ -67,17 +67,14 @@ class Model(Space):
         held = [np.zeros(0, dtype=np.intp)]
         for name, support in self.supports.items():
             for axis in set(support.fixed) - set(self.axes):
-                options = ", ".join(self.axes)
-                raise CaseError(f"supports.{name}.fixed", f"no axis '{axis}'", f"one of {options}")
+                remedy = nearest(axis, self.axes)
+                raise CaseError(f"supports.{name}.fixed", f"no axis {short(axis)}", remedy)
             components = [self.axes.index(axis) for axis in support.fixed or self.axes]
             for region in support.regions:
                 nodes = np.unique(self.cell_nodes[self.mesh.subdomains[region]])
                 held.append(self.node_dofs[nodes][:, components].ravel())
-            for face in support.faces:
-                if face not in self.mesh.boundaries:
-                    options = "those present are " + ", ".join(sorted(self.mesh.boundaries))
-                    raise CaseError(f"supports.{name}.faces", f"no face '{face}'", options)
-                held.append(self.dofs_on(self.mesh.boundaries[face], components))
+            faces = [self._face(face, f"supports.{name}.faces") for face in support.faces]
+            held += [self.dofs_on(facets, components) for facets in faces]
         return np.unique(np.concatenate(held))
 
     def _refuse_rigid_motion(self) -> None:
@@ -159,10 +156,20 @@ class Model(Space):
         CaseError
             There is no such face.
         """
-        if face not in self.mesh.boundaries:
-            raise CaseError("face", f"no face '{face}'", nearest(face, self.mesh.boundaries))
-        facets = self.mesh.boundaries[face]
+        facets = self._face(face, "face")
         return assembly.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
+
+    def _face(self, name: str, key: str) -> Ints:
+        """Return the facets of a named face."""
+        present = self.mesh.boundaries or {}
+        if not present:
+            remedy = "name groups of edges in the mesh file (docs/how-to/own-mesh.md)"
+            raise CaseError(key, f"no face {short(name)}: the mesh names no edges", remedy)
+        if name not in present:
+            remedy = "those present are " + ", ".join(sorted(present))
+            raise CaseError(key, f"no face {short(name)}", remedy)
+        facets: Ints = present[name]
+        return facets
 
     @cached_property
     def density(self) -> Floats:

@@ -171,7 +171,7 @@ def dynamic_medium(scene: Scene, model: Model) -> DynamicMedium:
     Raises
     ------
     CaseError
-        Damping is said twice or by halves, the mass can't be lumped so, the tissue has none.
+        The mass can't be lumped so, or the tissue has none.
     """
     numbers = scene.discretisation
     lumping = None if numbers.mass == "consistent" else numbers.mass
@@ -187,10 +187,5 @@ def damping_of(said: Rayleigh) -> Damping:
     pairs = (said.frequencies, said.ratios)
     if not any(pairs):
         return Damping(mass_rate=said.mass_rate, stiffness_time=said.stiffness_time)
-    if said.mass_rate or said.stiffness_time:
-        raise CaseError("damping.frequencies", "mass_rate or stiffness_time as well", "keep one")
-    if len(pairs[0]) != 2 or len(pairs[1]) != 2:
-        problem = f"{len(pairs[0])} frequencies and {len(pairs[1])} ratios"
-        raise CaseError("damping.frequencies", problem, "give two of both")
     first, second = said.frequencies
     return Damping.from_ratios((first, second), (said.ratios[0], said.ratios[1]))

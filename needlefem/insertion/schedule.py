@@ -59,8 +59,6 @@ def legs(motion: Motion) -> tuple[Leg, ...]:
 
 
 def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[Leg]:
-    if (stage.to is None) == (stage.hold is None):
-        raise CaseError(key, "needs either 'to' or 'hold'", "give a depth or a duration")
     if stage.hold is not None:
         return [Leg(depth, depth, stage.hold, stage.release)]
     end, speed = stage.to, stage.speed or motion.speed

@@ -7,6 +7,7 @@ import numpy as np
 from needlefem.arrays import Floats
 from needlefem.knobs import knob
 from needlefem.materials.linear import LinearElastic, local_axes, turned
+from needlefem.materials.split import split_compliance
 
 
 def _orthotropic(moduli: Floats, ratios: Floats, shears: Floats) -> Floats:
@@ -39,6 +40,10 @@ class TransverselyIsotropic(LinearElastic):
     fibre: tuple[float, ...] = knob("Direction of the fibre", default=(1.0, 0.0))
     density: float = knob("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
 
+    def check(self) -> None:
+        """See `needlefem.validation.Validated`: a law that releases energy is refused."""
+        split_compliance(self.compliance())
+
     def compliance(self) -> Floats:
         """See `LinearElastic`."""
         across = self.modulus_across / (2.0 * (1.0 + self.ratio_across))
@@ -66,6 +71,10 @@ class Orthotropic(LinearElastic):
     axis_1: tuple[float, ...] = knob("Direction of axis 1", default=(1.0, 0.0))
     axis_2: tuple[float, ...] = knob("Direction of axis 2, made normal to 1", default=(0.0, 1.0))
     density: float = knob("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
+
+    def check(self) -> None:
+        """See `needlefem.validation.Validated`: a law that releases energy is refused."""
+        split_compliance(self.compliance())
 
     def compliance(self) -> Floats:
         """See `LinearElastic`."""

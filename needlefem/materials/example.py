@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from needlefem.errors import CaseError, nearest
-from needlefem.knobs import Knob, check_ranges, knob_of
+from needlefem.knobs import Knob, knob_of
 from needlefem.materials.catalogue import law_class
 from needlefem.units import UNITS, parse_quantity
+from needlefem.validation import validate
 
 STAND_INS = {"pressure": 10e3, "time": 1.0}
 """Taken for constants without a default, by dimension, SI."""
@@ -46,8 +47,12 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
         elif field.default is dataclasses.MISSING:
             value = STAND_INS.get((declared and declared.dimension) or "", RATIO)
             values[field.name] = (value,) if typing.get_origin(field.type) is tuple else value
-    found = law(**values)
-    check_ranges(found, "--set ")
+    try:
+        found = law(**values)
+        validate(found, "material")
+    except CaseError as error:
+        key = error.key.replace("material.", "--set ", 1)
+        raise CaseError(key, error.problem, error.remedy) from None
     return found
 
 

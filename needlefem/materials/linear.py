@@ -13,14 +13,16 @@ from needlefem.materials import voigt
 from needlefem.materials.protocol import Response
 from needlefem.materials.relaxation import Branch, decay, gain
 from needlefem.materials.split import split_compliance
+from needlefem.validation import Validated
 
 
-class LinearElastic(abc.ABC):
+class LinearElastic(Validated, abc.ABC):
     """A linear law at small strain; a subclass gives its compliance and its density.
 
     One with a memory also gives its branches; the compliance is then that of relaxed tissue.
     """
 
+    TABLE = "material"
     density: float
 
     @abc.abstractmethod

@@ -35,7 +35,8 @@ class Viscoelastic(Isotropic):
     )
     times: tuple[float, ...] = knob("Relaxation time of every branch", "time", low=0.0)
 
-    def __post_init__(self) -> None:
+    def check(self) -> None:
+        """See `needlefem.validation.Validated`."""
         if len(self.shares) != len(self.times):
             problem = f"{len(self.shares)} shares and {len(self.times)} times"
             raise CaseError("material", problem, "give one of each to every branch")

@@ -1,7 +1,7 @@
 """The scene: all that a case says, as plain frozen dataclasses in SI units."""
 
 from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
-from needlefem.scene.method import DYNAMIC, Discretisation, Rayleigh
+from needlefem.scene.method import DYNAMIC, Discretisation, Limits, Rayleigh
 from needlefem.scene.parts import (
     Expectation,
     Motion,
@@ -14,8 +14,9 @@ from needlefem.scene.parts import (
     Stage,
     Support,
     TargetDraw,
+    point_of,
 )
-from needlefem.scene.varying import field_of, vary
+from needlefem.scene.varying import canonical, field_of, vary
 
 __all__ = [
     "DYNAMIC",
@@ -23,6 +24,7 @@ __all__ = [
     "Discretisation",
     "Expectation",
     "FileMesh",
+    "Limits",
     "Motion",
     "Needle",
     "Obstacle",
@@ -35,6 +37,8 @@ __all__ = [
     "Stage",
     "Support",
     "TargetDraw",
+    "canonical",
     "field_of",
+    "point_of",
     "vary",
 ]

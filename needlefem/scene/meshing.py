@@ -3,14 +3,18 @@
 import dataclasses
 from pathlib import Path
 
+from needlefem.errors import CaseError
 from needlefem.knobs import knob
+from needlefem.validation import Validated
 
 Coordinates = tuple[float, ...]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Refinement:
+class Refinement(Validated):
     """Local refinement of the mesh; a size of 0 leaves it as it is."""
+
+    TABLE = "mesh.refine"
 
     corridor_size: float = knob(
         "Element size along the needle", "length", default=0.0, low=0.0, closed=True
@@ -35,11 +39,13 @@ class Refinement:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class BoxMesh:
+class BoxMesh(Validated):
     """A box of triangles or quadrilaterals from a regular grid.
 
     Quadrilaterals refined or fitted somewhere are made from triangles, three of each.
     """
+
+    TABLE = "mesh"
 
     size: Coordinates = knob("Edge lengths of the box", "length", low=0.0)
     origin: Coordinates = knob("Corner with the smallest coordinates", "length", default=())
@@ -56,10 +62,19 @@ class BoxMesh:
     )
     refine: Refinement = Refinement()
 
+    def check(self) -> None:
+        """See `Validated`."""
+        counts = len(self.size), len(self.divisions), len(self.origin or self.size)
+        if len(set(counts)) > 1:
+            problem = f"{counts[0]} edge lengths, {counts[1]} divisions, {counts[2]} coordinates"
+            raise CaseError("mesh.size", f"{problem} of the origin", "give one for each axis")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class FileMesh:
+class FileMesh(Validated):
     """A mesh from a file that meshio reads, with named groups of cells and faces."""
+
+    TABLE = "mesh"
 
     path: Path
     unit: float = knob("Length of one unit of the file's coordinates", "length", low=0.0)

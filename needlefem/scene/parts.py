@@ -1,25 +1,37 @@
 """The parts of a scene."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from needlefem.contour import Contour
+from needlefem.errors import CaseError, nearest, short
 from needlefem.frame import Frame
-from needlefem.knobs import knob
+from needlefem.knobs import Knob, knob
 from needlefem.materials import Material
 from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
-from needlefem.scene.method import Discretisation, Rayleigh
+from needlefem.scene.method import Discretisation, Limits, Rayleigh
 from needlefem.shown import Shown
+from needlefem.validation import Validated, converted, made, validate
+
+ROUND_OFF = 1e-15
+"""Difference of a unit vector's length from 1."""
+KEYS = {"background": "tissue.background", "plane": "tissue.plane", "target": "target.point"}
+"""Keys of a case file for fields of a scene that have another name."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Region:
+class Region(Validated):
     """A part of the tissue: inside a closed contour, or a group of the mesh file.
 
     The contour of a group is its outline, for pictures and for targets drawn in it.
     """
+
+    TABLE = "regions.NAME"
 
     contour: Contour
     group: str | None = knob("Group of cells of the mesh file, instead of a contour", default=None)
@@ -38,10 +50,17 @@ class Region:
         closed=True,
     )
 
+    def __post_init__(self) -> None:
+        """Convert and check; corners as an array or a list become a contour."""
+        object.__setattr__(self, "contour", _contour(self.contour, f"{self.TABLE}.contour"))
+        super().__post_init__()
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Support:
+class Support(Validated):
     """Faces and regions in which displacement components are held at zero."""
+
+    TABLE = "supports.NAME"
 
     faces: tuple[str, ...] = knob("Named faces of the mesh", default=())
     regions: tuple[str, ...] = knob("Regions held as a whole, such as bone", default=())
@@ -49,8 +68,10 @@ class Support:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Obstacle:
+class Obstacle(Validated):
     """What the needle has to keep away from: the inside of a contour, fixed in space."""
+
+    TABLE = "obstacles.NAME"
 
     contour: Contour
     region: str | None = knob("Region of the tissue that it is, instead of a contour", default=None)
@@ -58,10 +79,17 @@ class Obstacle:
         "Least distance of the needle's line, from tip to hub", "length", low=0.0, closed=True
     )
 
+    def __post_init__(self) -> None:
+        """Convert and check; corners as an array or a list become a contour."""
+        object.__setattr__(self, "contour", _contour(self.contour, f"{self.TABLE}.contour"))
+        super().__post_init__()
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Needle:
+class Needle(Validated):
     """A rigid, thin, straight needle with a symmetric tip."""
+
+    TABLE = "needle"
 
     tip_radius: float = knob(
         "Radius of the disc (ball) over which the tip's force is spread",
@@ -104,8 +132,10 @@ class Needle:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Stage:
+class Stage(Validated):
     """A part of the needle's motion: to a depth, or at rest for a time."""
+
+    TABLE = "motion.stages"
 
     to: float | None = knob("Depth at its end", "length", default=None)
     speed: float | None = knob(
@@ -121,10 +151,23 @@ class Stage:
     )
     pitch: float | None = knob("Distance of seeds in a train", "length", default=None, low=0.0)
 
+    def check(self) -> None:
+        """See `Validated`."""
+        key = self.TABLE
+        if (self.to is None) == (self.hold is None):
+            raise CaseError(key, "needs either 'to' or 'hold'", "give a depth or a duration")
+        for name in ("speed", "train", "pitch") if self.hold is not None else ():
+            if getattr(self, name) is not None:
+                raise CaseError(f"{key}.{name}", "the needle rests in this stage", "leave it out")
+        if self.pitch is not None and self.train is None:
+            raise CaseError(f"{key}.pitch", "is not used without 'train'", "give both or none")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Motion:
+class Motion(Validated):
     """A straight insertion at constant speed, or what stages or a table say."""
+
+    TABLE = "motion"
 
     direction: Coordinates = knob("Direction of insertion")
     entry: Coordinates = knob(
@@ -140,10 +183,19 @@ class Motion:
     times: Coordinates = knob("Times of a table, instead of stages", "time", default=())
     depths: Coordinates = knob("Depths at these times", "length", default=())
 
+    def check(self) -> None:
+        """See `Validated`; the direction is made a unit vector."""
+        object.__setattr__(self, "direction", unit(self.direction, "motion.direction"))
+        if self.entry and len(self.entry) != len(self.direction):
+            remedy = f"give {len(self.direction)}, one for each axis"
+            raise CaseError("motion.entry", f"{len(self.entry)} numbers", remedy)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Planning:
+class Planning(Validated):
     """How release points are searched."""
+
+    TABLE = "planning"
 
     height_range: tuple[float, float] = knob(
         "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
@@ -178,19 +230,32 @@ class Planning:
         "Most unknowns that are spent on an accuracy", default=100_000, low=1.0, closed=True
     )
 
+    def check(self) -> None:
+        """See `Validated`."""
+        low, high = self.height_range
+        if low >= high:
+            problem = f"{low:g} to {high:g} m is empty"
+            raise CaseError("planning.height_range", problem, "swap the ends")
+        for direction in self.directions:
+            unit(direction, "planning.directions")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class TargetDraw:
+class TargetDraw(Validated):
     """Targets drawn uniformly inside a region, for statistics of the planner."""
+
+    TABLE = "targets"
 
     region: str = knob("Region to draw in")
     count: int = knob("How many targets", default=12, low=1.0, closed=True)
-    seed: int = knob("Seed of the random numbers", default=2003)
+    seed: int = knob("Seed of the random numbers", default=2003, low=0.0, closed=True)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Outputs:
+class Outputs(Validated):
     """What is written."""
+
+    TABLE = "outputs"
 
     folder: str = knob("Folder of the results, relative to the working directory", default="out")
     pictures: tuple[str, ...] = knob(
@@ -199,24 +264,30 @@ class Outputs:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Expectation:
+class Expectation(Validated):
     """A value that a result must have, and where it comes from.
 
     `value` is a number or a point (then `tolerance` bounds the distance); without a tolerance
     it is an upper bound.
     """
 
+    TABLE = "expect"
+
     key: str
     value: float | Coordinates
-    tolerance: float | None
+    tolerance: float | None = knob(
+        "Largest difference; an upper bound when left out", default=None, low=0.0, closed=True
+    )
     unit: str
     kind: str
     source: str
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Scene(Shown):
+class Scene(Shown, Validated):
     """All that a case says. Points are in metres, in the order of `axes`."""
+
+    TABLE = ""
 
     title: str
     axes: tuple[str, ...]
@@ -225,22 +296,134 @@ class Scene(Shown):
     background: str
     regions: Mapping[str, Region]
     supports: Mapping[str, Support]
-    plane: str = "strain"
+    plane: str = knob("Plane strain or stress", default="strain", choices=("strain", "stress"))
     obstacles: Mapping[str, Obstacle] = dataclasses.field(default_factory=dict)
     damping: Rayleigh = dataclasses.field(default_factory=Rayleigh)
     discretisation: Discretisation = dataclasses.field(default_factory=Discretisation)
     needle: Needle
     motion: Motion
-    target: Coordinates | None = None
+    target: Coordinates | None = knob("Point to hit", "length", default=None)
     planning: Planning = Planning()
     targets: TargetDraw | None = None
     outputs: Outputs = Outputs()
+    limits: Limits = dataclasses.field(default_factory=Limits)
     expect: tuple[Expectation, ...] = ()
     frame: Frame | None = None
     source: Path | None = None
     overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Convert and check; messages name the keys of a case file."""
+        try:
+            super().__post_init__()
+        except CaseError as error:
+            key = KEYS.get(error.key, error.key)
+            raise CaseError(key, error.problem, error.remedy) from None
+
     @property
     def dim(self) -> int:
         """Number of space dimensions."""
         return len(self.axes)
+
+    def check(self) -> None:
+        """See `Validated`: names that must exist, and one number for each axis."""
+        if self.dim not in (2, 3) or len(set(self.axes)) != self.dim or not all(self.axes):
+            remedy = 'name two different axes, such as ["y", "z"]'
+            raise CaseError("axes", f"{list(self.axes)}", remedy)
+        for name, law in self.materials.items():
+            made(partial(validate, law, "material"), "material", f"materials.{name}")
+        self._check_names()
+        self._check_dimensions()
+
+    def _check_names(self) -> None:
+        used = {"tissue.background": self.background}
+        used |= {f"regions.{n}.material": region.material for n, region in self.regions.items()}
+        for key, name in used.items():
+            _known(key, "material", name, self.materials)
+        if self.targets is not None:
+            _known("targets.region", "region", self.targets.region, self.regions)
+        for n, obstacle in self.obstacles.items():
+            if obstacle.region is not None:
+                _known(f"obstacles.{n}.region", "region", obstacle.region, self.regions)
+        for n, support in self.supports.items():
+            for name in support.regions:
+                _known(f"supports.{n}.regions", "region", name, self.regions)
+            for axis in support.fixed:
+                _known(f"supports.{n}.fixed", "axis", axis, self.axes)
+
+    def _check_dimensions(self) -> None:
+        counts = {
+            "target.point": self.target,
+            "motion.direction": self.motion.direction,
+            "motion.entry": self.motion.entry or None,
+        }
+        if isinstance(self.mesh, BoxMesh):
+            counts["mesh.size"] = self.mesh.size
+        for direction in self.planning.directions:
+            counts["planning.directions"] = direction
+            if len(direction) != self.dim:
+                break
+        for key, values in counts.items():
+            if values is not None and len(values) != self.dim:
+                remedy = f"give {self.dim}, one for each axis"
+                raise CaseError(key, f"{len(values)} numbers", remedy)
+
+
+def point_of(raw: Any, dim: int, key: str) -> Coordinates:
+    """Return a point of a scene, m, from an array, a list or a tuple.
+
+    Raises
+    ------
+    CaseError
+        Not `dim` finite numbers.
+    """
+    found: Coordinates = converted(Coordinates, raw, _POINT, key)
+    if len(found) != dim:
+        raise CaseError(key, f"{len(found)} numbers", f"give {dim}, one for each axis")
+    return found
+
+
+_POINT = Knob("A point", "length")
+
+
+def unit(direction: Coordinates, key: str) -> Coordinates:
+    """Return a direction as a unit vector, unchanged where it is one to round-off.
+
+    Raises
+    ------
+    CaseError
+        It has less than two components, or all are zero.
+    """
+    largest = max((abs(x) for x in direction), default=0.0)
+    if len(direction) < 2 or not largest > 0.0:
+        raise CaseError(key, f"{list(direction)}", "give a number for each axis, not all zero")
+    if not 1e-100 < largest < 1e100:  # the square of a component would vanish
+        direction = tuple(x / largest for x in direction)
+    length = float(np.linalg.norm(direction))
+    if abs(length - 1.0) <= ROUND_OFF:
+        return direction
+    return tuple(x / length for x in direction)
+
+
+def _known(key: str, what: str, name: str, known: Iterable[str]) -> None:
+    if name not in known:
+        raise CaseError(key, f"no {what} {short(name)}", nearest(name, known))
+
+
+def _contour(raw: Any, key: str) -> Contour:
+    """Return corners as a contour; one that is a contour as it is.
+
+    Raises
+    ------
+    CaseError
+        Not finite numbers, two for each corner.
+    """
+    try:
+        found = raw if isinstance(raw, Contour) else Contour(raw)
+        shape = found.points.shape
+        fits = len(shape) == 2 and shape[1] == 2 and bool(np.isfinite(found.points).all())
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise CaseError(key, f"{short(raw)} is no contour", "give corners, shape (n, 2), m")
+    return found

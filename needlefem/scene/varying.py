@@ -4,38 +4,102 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from needlefem.scene.parts import Scene
+from needlefem.errors import CaseError, nearest, short
+from needlefem.scene.parts import KEYS, Scene
+from needlefem.validation import dotted, made
+
+ALIASES = {"discretization": "discretisation"} | {key: name for name, key in KEYS.items()}
+"""Keys of a case file, or other spellings, for fields of a scene."""
+_KEPT = object()
 
 
 def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """Return the scene with fields replaced.
+    """Return the scene with fields replaced; all are replaced at once, then checked.
 
     Parameters
     ----------
     scene : Scene
         Stays as it is.
     changes : mapping
-        Dotted names, which go through mappings too, and values in SI units:
-        ``{"needle.tip_radius": 1e-3, "materials.fat.density": 900}``.
+        Dotted names, which go through mappings too, and values in SI units or with a unit:
+        ``{"needle.tip_radius": 1e-3, "materials.fat.density": "900 kg/m^3"}``.
+
+    Raises
+    ------
+    CaseError
+        There is no such field, or the scene does not admit the value.
     """
-    varied: Scene = scene
+    if not isinstance(changes, Mapping):
+        raise CaseError("vary", f"{short(changes)} is not a mapping", "give {'name': value}")
+    tree = _Change()
     for name, value in changes.items():
-        varied = _replaced(varied, name.split("."), value)
+        tree.add(_path(name), value)
+    varied: Scene = tree.applied(scene, "")
     return varied
 
 
 def field_of(scene: Scene, name: str) -> Any:
     """Return a field of a scene by its dotted name, the one that `vary` would change."""
     value: Any = scene
-    for part in name.split("."):
-        value = value[part] if isinstance(value, Mapping) else getattr(value, part)
+    for i, part in enumerate(path := _path(name)):
+        value = _part(value, part, ".".join(path[: i + 1]))
     return value
 
 
-def _replaced(node: Any, path: list[str], value: Any) -> Any:
-    if not path:
-        return value
-    head, rest = path[0], path[1:]
+def canonical(name: str) -> str:
+    """Return the name of a scene's field for a key in another spelling or of a case file."""
+    for alias, meant in ALIASES.items():
+        if name == alias or name.startswith(f"{alias}."):
+            return meant + name[len(alias) :]
+    return name
+
+
+def _path(name: Any) -> list[str]:
+    if not isinstance(name, str):
+        raise CaseError("vary", f"{short(name)} is not a name", "give {'needle.tip_radius': 1e-3}")
+    return canonical(name).split(".")
+
+
+def _part(node: Any, name: str, key: str) -> Any:
+    """Return an entry of a mapping or a field of a dataclass."""
     if isinstance(node, Mapping):
-        return {**node, head: _replaced(node[head], rest, value)}
-    return dataclasses.replace(node, **{head: _replaced(getattr(node, head), rest, value)})
+        if name not in node:
+            raise CaseError(key, "unknown key", nearest(name, node))
+        return node[name]
+    if not dataclasses.is_dataclass(node):
+        table = key.rpartition(".")[0]
+        raise CaseError(key, f"{table} is {short(node)} here", f"give all of {table} instead")
+    if not any(field.name == name for field in dataclasses.fields(node)):
+        known = [field.name for field in dataclasses.fields(node)]
+        raise CaseError(key, "unknown key", nearest(name, known))
+    return getattr(node, name)
+
+
+class _Change:
+    """What becomes of a node: another value, or changes below it, or both in this order."""
+
+    def __init__(self) -> None:
+        self.value: Any = _KEPT
+        self.below: dict[str, _Change] = {}
+
+    def add(self, path: list[str], value: Any) -> None:
+        """Note the value of what a path leads to."""
+        if path:
+            self.below.setdefault(path[0], _Change()).add(path[1:], value)
+        else:
+            self.value, self.below = value, {}
+
+    def applied(self, node: Any, key: str) -> Any:
+        """Return a node as changed."""
+        node = node if self.value is _KEPT else self.value
+        if not self.below:
+            return node
+        found = {}
+        for name, change in self.below.items():
+            inner = dotted(key, name)
+            new = isinstance(node, Mapping) and change.value is not _KEPT
+            found[name] = change.applied(None if new else _part(node, name, inner), inner)
+        if isinstance(node, Mapping):
+            return {**node, **found}
+        own = getattr(type(node), "TABLE", "")
+        return made(lambda: dataclasses.replace(node, **found), own, key)

@@ -107,7 +107,7 @@ def test_mistakes_end_with_2_and_one_line(
             "discretisation.element=Q1",
             "Q1 does not live on triangles; use a mesh of quadrilaterals",
         ),
-        ("tissue.plane=strian", "write 'strain' or 'stress'"),
+        ("tissue.plane=strian", "tissue.plane: 'strian' is not known; one of strain, stress"),
     ],
 )
 def test_scenes_that_can_not_be(

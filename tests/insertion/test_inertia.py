@@ -1,6 +1,7 @@
 """A needle stepped in tissue with inertia and damping."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -211,10 +212,24 @@ def test_damping_by_ratios() -> None:
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        (Rayleigh(frequencies=(2.0, 10.0)), "2 frequencies and 0 ratios; give two of both"),
-        (Rayleigh(mass_rate=1.0, ratios=(0.1, 0.1)), "mass_rate or stiffness_time as well"),
+        ({"frequencies": (2.0, 10.0)}, "2 frequencies and 0 ratios; give two of both"),
+        ({"ratios": (0.1, 0.1)}, "0 frequencies and 2 ratios; give two of both"),
+        ({"mass_rate": 1.0, "ratios": (0.1, 0.1)}, "mass_rate or stiffness_time as well"),
+        ({"frequencies": (2.0, 2.0), "ratios": (0.1, 0.1)}, "give two different ones"),
+        ({"frequencies": (2.0, 10.0), "ratios": (0.1, 0.01)}, "ratios: .* negative"),
+        ({"frequencies": (2.0, 10.0), "ratios": (0.01, 0.1)}, "ratios: .* negative"),
     ],
 )
-def test_damping_by_halves_is_refused(said: Rayleigh, message: str) -> None:
-    with pytest.raises(CaseError, match=message):
-        damping_of(said)
+def test_damping_by_halves_is_refused(said: dict[str, Any], message: str) -> None:
+    with pytest.raises(CaseError, match=f"damping.*{message}"):
+        Rayleigh(**said)
+
+
+@pytest.mark.parametrize("ratios", [(0.1, 0.021), (0.1, 0.49)])
+def test_ratios_are_admitted_up_to_where_a_coefficient_vanishes(
+    ratios: tuple[float, float],
+) -> None:
+    found = damping_of(Rayleigh(frequencies=(2.0, 10.0), ratios=ratios))
+    assert min(found.mass_rate, found.stiffness_time) >= 0.0
+    assert found.ratio(2.0) == pytest.approx(ratios[0])
+    assert found.ratio(10.0) == pytest.approx(ratios[1])

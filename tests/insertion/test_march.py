@@ -62,7 +62,7 @@ def test_a_condensed_corridor_gives_the_same_path(
     plain = simulate(organ)
     monkeypatch.setattr("needlefem.insertion.media.MOST_SHARED_UNKNOWNS", 0)
     monkeypatch.setattr("needlefem.insertion.simulation.CORRIDOR", 0.5)  # it leaves this one
-    narrow = Simulation(vary(organ, {"planning.height_range": (0.0, 0.0)}))
+    narrow = Simulation(vary(organ, {"planning.height_range": (0.0, 1e-9)}))
     found = narrow.move(narrow.entry_of_case())
     assert isinstance(narrow.responses, SharedResponses)
     assert narrow.responses.solves < narrow.responses.size

@@ -1,5 +1,7 @@
 """A needle in any motion."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -231,11 +233,14 @@ def test_a_needle_that_turns_back_on_pieces_that_are_noise_is_stopped(organ: Sce
 @pytest.mark.parametrize(
     ("stages", "says"),
     [
-        ((Stage(),), r"motion\.stages\[0\]: needs either 'to' or 'hold'"),
+        (({},), r"motion\.stages\[0\]: needs either 'to' or 'hold'"),
         ((Stage(to=0.5),), "beyond motion.max_depth"),
         ((Stage(to=0.02), Stage(to=0.01, train=5, pitch=0.005)), "no room for 5 seeds"),
+        (({"hold": 1.0, "speed": 1.0},), r"motion\.stages\[0\]\.speed: the needle rests"),
+        (({"hold": 1.0, "train": 3},), r"motion\.stages\[0\]\.train: the needle rests"),
+        (({"to": 0.01}, {"to": 0.02, "pitch": 1e-3}), r"stages\[1\]\.pitch: .* without 'train'"),
     ],
 )
-def test_motions_that_can_not_be(gel: Scene, stages: tuple[Stage, ...], says: str) -> None:
+def test_motions_that_can_not_be(gel: Scene, stages: tuple[Any, ...], says: str) -> None:
     with pytest.raises(CaseError, match=says):
         moving(gel, *stages)

@@ -18,7 +18,7 @@ from needlefem.materials import Isotropic
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, cross_section
-from needlefem.scene import Scene, Support
+from needlefem.scene import Scene, Support, vary
 
 TETRAHEDRON = ElementRow(
     name="T1",
@@ -47,6 +47,19 @@ def block() -> Model:
         "stiff": Isotropic(youngs_modulus=80e3, poissons_ratio=0.4),
     }
     return Model(mesh, TETRAHEDRON, materials, {"far": Support(faces=("far",))}, ("x", "y", "z"))
+
+
+def solid(gel: Scene) -> Scene:
+    """Return the gel as a cube with a target in it."""
+    return vary(
+        gel,
+        {
+            "axes": ("x", "y", "z"),
+            "mesh": {"size": (0.04,) * 3, "divisions": (8,) * 3},
+            "motion.direction": (0.0, 0.0, 1.0),
+            "target": (0.02, 0.02, 0.02),
+        },
+    )
 
 
 def push(model: Model, direction: np.ndarray, scene: Scene) -> Insertion:

@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -112,23 +114,22 @@ def test_anisotropic_laws_contain_the_isotropic_one() -> None:
 
 
 @pytest.mark.parametrize(
-    "law",
+    "make",
     [
-        orthotropic(ratio_23=0.95),  # more than sqrt(E2 / E3) allows
-        TransverselyIsotropic(**{**FIBRE, "ratio_across": 0.99}),
+        lambda: orthotropic(ratio_23=0.95),  # more than sqrt(E2 / E3) allows
+        lambda: TransverselyIsotropic(**{**FIBRE, "ratio_across": 0.99}),
     ],
 )
-def test_unstable_constants_are_refused(law: LinearElastic) -> None:
+def test_unstable_constants_are_refused(make: Callable[[], LinearElastic]) -> None:
     with pytest.raises(CaseError, match="some strain would release energy"):
-        split(law)
+        make()
 
 
 def test_directions_must_be_directions() -> None:
     with pytest.raises(CaseError, match="a direction is zero"):
-        TransverselyIsotropic(**FIBRE, fibre=(0.0, 0.0)).compliance()
-    parallel = Orthotropic(**{**vars(orthotropic()), "axis_2": (2.0, 0.0)})
+        TransverselyIsotropic(**FIBRE, fibre=(0.0, 0.0))
     with pytest.raises(CaseError, match="its two directions are parallel"):
-        parallel.compliance()
+        Orthotropic(**{**vars(orthotropic()), "axis_2": (2.0, 0.0)})
 
 
 def test_voigt_and_tensor_are_one() -> None:

@@ -25,7 +25,7 @@ from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan
 from needlefem.resolve import with_element
 from needlefem.scene import Scene, vary
-from tests.insertion.test_three_dimensions import block, push  # noqa: F401
+from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401
 
 KEPT = Path(__file__).parents[1] / "pictures"
 SIZE = (320, 240)
@@ -127,7 +127,7 @@ def test_curved_edges_are_as_kept(gel: Scene, tmp_path: Path) -> None:
 
 
 def test_a_block_of_tetrahedra_is_as_kept(block, gel: Scene, tmp_path: Path) -> None:  # noqa: F811
-    insertion = push(block, np.array([0.0, 0.0, 1.0]), vary(gel, {"target": (0.02, 0.02, 0.02)}))
+    insertion = push(block, np.array([0.0, 0.0, 1.0]), solid(gel))
     render(insertion, tmp_path / "new.png", shot=Shot(size=SIZE, field="displacement"))
     check(tmp_path / "new.png", "block")
     picture = insertion._repr_png_()

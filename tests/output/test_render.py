@@ -34,7 +34,7 @@ from needlefem.output.view import View, whole
 from needlefem.resolve import with_element
 from needlefem.scene import Scene, Stage, vary
 from tests.conftest import PAPER_CASE
-from tests.insertion.test_three_dimensions import block, push  # noqa: F401
+from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401
 
 SIZE = (320, 240)
 
@@ -184,7 +184,7 @@ def test_own_image_covers_the_tissue(pushed: Insertion, tmp_path: Path) -> None:
 
 
 def test_a_block_of_tetrahedra_is_cut_open(block, gel: Scene) -> None:  # noqa: F811
-    insertion = push(block, np.array([0.0, 0.0, 1.0]), vary(gel, {"target": (0.02, 0.02, 0.02)}))
+    insertion = push(block, np.array([0.0, 0.0, 1.0]), solid(gel))
     film = Film(insertion)
     plotter = renderer().Plotter(off_screen=True, window_size=[320, 240])
     canvas = Canvas(plotter, insertion.axis, Style())

@@ -1,0 +1,290 @@
+"""Values are converted and checked where they are declared, whoever gives them.
+
+A dataclass that derives from `Validated` checks its fields when an instance is made, so that a
+case file, ``--set``, `needlefem.scene.vary`, `dataclasses.replace` and a constructor all raise
+the same `CaseError` for the same value. What a field admits follows from its type annotation
+and its `Knob`.
+"""
+
+import dataclasses
+import math
+import numbers
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+from needlefem.errors import CaseError, matching, nearest, short
+from needlefem.knobs import Knob, knob_of
+from needlefem.units import LARGEST, dimension_of, parse_quantity
+
+LARGEST_NUMBER = 1e15
+"""Largest magnitude of a number without a dimension."""
+LARGEST_COUNT = 2**63 - 1
+"""Largest magnitude of a whole number."""
+_KNOWN: dict[type, tuple[tuple[str, Any, Knob | None], ...]] = {}
+WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
+
+
+class Validated:
+    """Base of dataclasses that check their own fields.
+
+    A subclass names its table in a case file (`TABLE`, the beginning of the keys in messages)
+    and gives the rules between its fields in `check`.
+    """
+
+    TABLE: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        """Convert and check every field, then the rules between them."""
+        validate(self, self.TABLE)
+        self.check()
+
+    def check(self) -> None:
+        """Raise a `CaseError` where fields contradict one another."""
+
+
+def validate(instance: Any, prefix: str) -> None:
+    """Convert and check the declared fields of a dataclass instance in place.
+
+    Numbers of NumPy become numbers, arrays and lists become tuples, quantities with a unit
+    become SI values.
+
+    Parameters
+    ----------
+    instance : dataclass
+        Frozen or not.
+    prefix : str
+        Beginning of the keys in messages.
+
+    Raises
+    ------
+    CaseError
+        A value of the wrong kind or out of its range.
+    """
+    for name, hint, declared in _declarations(type(instance)):
+        value = getattr(instance, name)
+        found = converted(hint, value, declared, dotted(prefix, name))
+        if found is not value:
+            object.__setattr__(instance, name, found)
+
+
+def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given: Any) -> Any:
+    """Return an instance of a dataclass from a table of its fields.
+
+    Parameters
+    ----------
+    cls : type
+        A dataclass.
+    table : mapping
+        Values by the names of the fields.
+    prefix : str
+        Beginning of the keys in messages.
+    strict : bool
+        Whether a quantity needs a unit, as in a case file; else a number is in SI units.
+    given : mapping
+        Fields that are not looked for in the table.
+
+    Raises
+    ------
+    CaseError
+        Not a table, an unknown or missing key, a value that is not admitted.
+    """
+    if not isinstance(table, Mapping):
+        raise CaseError(prefix, f"{short(table)} is not a table", f"write [{prefix}]")
+    refuse_unknown(table, [f.name for f in dataclasses.fields(cls) if f.name not in given], prefix)
+    hints = {name: hint for name, hint, _ in _declarations(cls)}
+    values = dict(given)
+    for field in dataclasses.fields(cls):
+        if field.name in given:
+            continue
+        key, declared = dotted(prefix, field.name), knob_of(field)
+        if field.name in table:
+            hint = hints.get(field.name, Any)
+            values[field.name] = converted(hint, table[field.name], declared, key, strict=strict)
+        elif _required(field):
+            remedy = declared.sentence.lower() if declared else "it is required"
+            raise CaseError(key, "missing", f"add it: {remedy}")
+    return made(lambda: cls(**values), getattr(cls, "TABLE", ""), prefix)
+
+
+def made(make: Callable[[], Any], own: str, prefix: str) -> Any:
+    """Return what `make` returns; its errors below the table `own` are named below `prefix`."""
+    try:
+        return make()
+    except CaseError as error:
+        if own and (error.key == own or error.key.startswith((f"{own}.", f"{own}["))):
+            key = prefix + error.key[len(own) :]
+            raise CaseError(key, error.problem, error.remedy) from None
+        raise
+
+
+def converted(hint: Any, raw: Any, declared: Knob | None, key: str, *, strict: bool = False) -> Any:
+    """Return a value as the type that an annotation asks for; see `validate` and `filled`.
+
+    Raises
+    ------
+    CaseError
+        It is of another kind or out of its range.
+    """
+    if hasattr(raw, "tolist"):  # arrays and numbers of NumPy, without importing it
+        raw = raw.tolist()
+    if hint in WORDS:
+        return _plain(hint, raw, declared, key, strict=strict)
+    origin = typing.get_origin(hint)
+    if origin is types.UnionType or origin is typing.Union:
+        return _one_of(typing.get_args(hint), raw, declared, key, strict=strict)
+    if origin is tuple:
+        return _several(typing.get_args(hint), raw, declared, key, strict=strict)
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return _named(typing.get_args(hint)[1], raw, key, strict=strict)
+    return _instance(hint, raw, key, strict=strict)
+
+
+def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
+    """Return a path, an instance of a dataclass, or an object that follows a protocol."""
+    if hint is Path:
+        return path_of(raw, key)
+    declared = dataclasses.is_dataclass(hint)
+    if not declared and not getattr(hint, "_is_protocol", False):
+        return raw
+    if isinstance(raw, hint) and not isinstance(raw, type):
+        return raw
+    if declared and isinstance(raw, Mapping):
+        return filled(hint, raw, key, strict=strict)
+    if strict:
+        raise CaseError(key, f"{short(raw)} is not a table", f"write [{key}]")
+    raise CaseError(key, f"{short(raw)} is of the wrong kind", f"give a {hint.__name__}")
+
+
+def path_of(raw: Any, key: str) -> Path:
+    """Return the path of a file from a text, or raise a `CaseError` if it can't be one."""
+    if not isinstance(raw, str | Path) or not str(raw).strip() or "\0" in str(raw):
+        raise CaseError(key, f"{short(raw)} is not the path of a file", "write one")
+    return Path(raw)
+
+
+def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], prefix: str) -> None:
+    """Raise a `CaseError` for the first key that is not known, with the nearest that is."""
+    for key in table:
+        if key not in known:
+            raise CaseError(dotted(prefix, str(key)), "unknown key", nearest(str(key), known))
+
+
+def dotted(prefix: str, key: str) -> str:
+    """Return the full name of a key."""
+    return f"{prefix}.{key}" if prefix else key
+
+
+def _declarations(cls: type) -> tuple[tuple[str, Any, Knob | None], ...]:
+    """Return name, annotation and `Knob` of every field of a dataclass, found once a class."""
+    found = _KNOWN.get(cls)
+    if found is None:
+        try:
+            hints = typing.get_type_hints(cls)
+        except NameError:  # a class of the user's whose annotations can't be resolved from here
+            hints = {}
+        fields = [field for field in dataclasses.fields(cls) if field.init]
+        found = tuple((f.name, hints.get(f.name, Any), knob_of(f)) for f in fields)
+        _KNOWN[cls] = found
+    return found
+
+
+def _required(field: "dataclasses.Field[Any]") -> bool:
+    missing = dataclasses.MISSING
+    return field.init and field.default is missing and field.default_factory is missing
+
+
+def _plain(hint: type, raw: Any, declared: Knob | None, key: str, *, strict: bool) -> Any:
+    if hint is float or hint is int:
+        return _number(hint, raw, declared, key, strict=strict)
+    if not isinstance(raw, hint):
+        raise CaseError(key, f"{short(raw)} is not {WORDS[hint]}", f"write {WORDS[hint]}")
+    if declared is not None and declared.choices:
+        return _choice(str(raw), declared, key)
+    return raw
+
+
+def _choice(raw: str, declared: Knob, key: str) -> str:
+    if raw in declared.choices:
+        return raw
+    found = matching(raw, declared.choices)
+    if found is None:
+        remedy = "one of " + ", ".join(declared.choices)
+        problem = declared.refused.get(matching(raw, declared.refused) or "")
+        raise CaseError(key, f"{short(raw)} {problem or 'is not known'}", remedy)
+    return found
+
+
+def _number(hint: type, raw: Any, declared: Knob | None, key: str, *, strict: bool) -> Any:
+    if type(raw) is float and declared is None and hint is float and math.isfinite(raw):
+        return raw
+    dimension = dimension_of(declared.dimension) if declared and declared.dimension else None
+    if dimension is not None and hint is float and (strict or isinstance(raw, str)):
+        raw = parse_quantity(raw, dimension, key)
+    kind = numbers.Real if hint is float else numbers.Integral
+    if isinstance(raw, bool) or not isinstance(raw, kind):
+        raise CaseError(key, f"{short(raw)} is not {WORDS[hint]}", f"write {WORDS[hint]}")
+    most = LARGEST.get(dimension or "", LARGEST_NUMBER) if hint is float else LARGEST_COUNT
+    try:
+        value = hint(raw)
+    except OverflowError:
+        value = math.inf
+    if not -most <= value <= most or (declared is not None and not declared.admits(value)):
+        wanted = declared.range_text() if declared is not None else "finite"
+        if math.isfinite(value) and (declared is None or declared.admits(value)):
+            wanted = f"at most {most:g}"
+        unit = " (SI units)" if dimension is not None or hint is float else ""
+        raise CaseError(key, f"{_digits(value)} is out of range", f"it must be {wanted}{unit}")
+    return value
+
+
+def _digits(value: float) -> str:
+    return str(value) if isinstance(value, int) and abs(value) < 10**15 else f"{float(value):g}"
+
+
+def _one_of(
+    options: Sequence[Any], raw: Any, declared: Knob | None, key: str, *, strict: bool
+) -> Any:
+    """Convert to the first of several types that a value may be meant as."""
+    if raw is None and type(None) in options:
+        return None
+    rest = [option for option in options if option is not type(None)]
+    fitting = [option for option in rest if _fits(option, raw)]
+    return converted((fitting or rest)[0], raw, declared, key, strict=strict)
+
+
+def _fits(option: Any, raw: Any) -> bool:
+    if typing.get_origin(option) is tuple:
+        return isinstance(raw, list | tuple)
+    if dataclasses.is_dataclass(option):
+        return isinstance(raw, typing.cast(type, option))
+    return not isinstance(raw, list | tuple)
+
+
+def _several(
+    items: Sequence[Any], raw: Any, declared: Knob | None, key: str, *, strict: bool
+) -> tuple[Any, ...]:
+    if not isinstance(raw, list | tuple):
+        raise CaseError(key, f"{short(raw)} is not a list", "write [a, b]")
+    if items[-1] is not Ellipsis and len(raw) != len(items):
+        raise CaseError(key, f"{len(raw)} values", f"give {len(items)}")
+    nested = dataclasses.is_dataclass(items[0])
+    found = tuple(
+        converted(items[0], item, declared, f"{key}[{i}]" if nested else key, strict=strict)
+        for i, item in enumerate(raw)
+    )
+    same = isinstance(raw, tuple) and all(a is b for a, b in zip(found, raw, strict=True))
+    return raw if same and isinstance(raw, tuple) else found
+
+
+def _named(item: Any, raw: Any, key: str, *, strict: bool) -> Any:
+    if not isinstance(raw, Mapping) or not all(isinstance(name, str) for name in raw):
+        raise CaseError(key, f"{short(raw)} is not a table", f"write [{key}.NAME]")
+    if item is Any:
+        return raw
+    return {
+        name: converted(item, value, None, dotted(key, name), strict=strict)
+        for name, value in raw.items()
+    }
