@@ -209,6 +209,7 @@ def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         warnings.simplefilter("ignore", DeprecationWarning)
+        warnings.showwarning = _show_warning
         if arguments[0] != "load_result":
             return command_line(arguments)
         try:
@@ -217,6 +218,11 @@ def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
             sys.stderr.write(f"{error}\n")
             return error.exit_status
     return 0
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+    """Write a warning where Python does, whoever has turned that to another place."""
+    sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))
 
 
 @contextlib.contextmanager

@@ -9,14 +9,14 @@ from typing import Any
 
 from needlefem.stress.inputfiles import CommandLine, has_label_maps, make_results
 from needlefem.stress.inputruns import InputRun, check_input, draw_input, run_input
-from needlefem.stress.pool import Lost, work_through
+from needlefem.stress.pool import Limits, Lost, work_through
 from needlefem.stress.sceneruns import Fault
 from needlefem.table import Table
 
 COUNT = 5000
 """Inputs when no number is given."""
-SECONDS, MEMORY = 20.0, 4e9
-"""Processor time from which on a command hangs, and address space of a worker, bytes."""
+LIMITS = Limits(seconds=20.0, clock=80.0, memory=4e9)
+"""Of a command: what takes longer hangs."""
 TELL = 30.0
 """Seconds between lines of progress."""
 
@@ -36,7 +36,7 @@ def run_inputs(
     with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as results:
         make_results(Path(results), command_line)
         work = partial(run_input, command_line, results, seed)
-        found = work_through(work, numbers, processes=processes, seconds=SECONDS, memory=MEMORY)
+        found = work_through(work, numbers, processes=processes, limits=LIMITS)
         for number, answer in found:
             lost = isinstance(answer, Lost)
             runs.append(_lost(seed, number, answer, Path(results)) if lost else answer)

@@ -11,11 +11,26 @@ from typing import Any, NamedTuple
 
 Work = Callable[[int], Any]
 """What is done with the number of a task; must be a function of a module, for it is pickled."""
-PATIENCE = 4.0
-"""Time that a worker has on the clock, over the processor time that a task may take: for what
-blocks without working, and for machines that do other things too."""
 POLL = 0.5
 """How long to wait for an answer before the clock is looked at, s."""
+
+
+class Limits(NamedTuple):
+    """What a task may take.
+
+    Parameters
+    ----------
+    seconds : float, s
+        Processor time.
+    clock : float, s
+        Time on the clock, for what blocks without working.
+    memory : float, bytes
+        Address space of the worker.
+    """
+
+    seconds: float
+    clock: float
+    memory: float
 
 
 class Lost(NamedTuple):
@@ -29,12 +44,10 @@ class OutOfTimeError(BaseException):
 
 
 class _Worker:
-    def __init__(self, work: Work, seconds: float, memory: float) -> None:
+    def __init__(self, work: Work, limits: Limits) -> None:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self._process = context.Process(
-            target=_serve, args=(theirs, work, seconds, memory), daemon=True
-        )
+        self._process = context.Process(target=_serve, args=(theirs, work, limits), daemon=True)
         self._process.start()
         theirs.close()
         self.task: int | None = None
@@ -55,7 +68,7 @@ class _Worker:
 
 
 def work_through(
-    work: Work, tasks: Sequence[int], *, processes: int, seconds: float, memory: float
+    work: Work, tasks: Sequence[int], *, processes: int, limits: Limits
 ) -> Iterator[tuple[int, Any]]:
     """Yield tasks and their answers, or `Lost`, in the order in which they end.
 
@@ -64,13 +77,10 @@ def work_through(
     work : callable
     tasks : sequence of int
     processes : int
-    seconds : float, s
-        Processor time that a task may take.
-    memory : float, bytes
-        Address space that a worker may take.
+    limits : Limits
     """
     waiting = list(reversed(tasks))
-    workers = [_Worker(work, seconds, memory) for _ in range(min(processes, len(tasks)))]
+    workers = [_Worker(work, limits) for _ in range(min(processes, len(tasks)))]
     try:
         while True:
             for worker in workers:
@@ -83,13 +93,13 @@ def work_through(
             for number, worker in enumerate(workers):
                 if worker.task is None:
                     continue
-                late = time.monotonic() - worker.begun > PATIENCE * seconds
+                late = time.monotonic() - worker.begun > limits.clock
                 if worker.pipe not in ready and not late:
                     continue
                 task, answer = worker.task, _answer(worker, late=worker.pipe not in ready)
                 worker.task = None
                 if isinstance(answer, Lost):
-                    workers[number] = _Worker(work, seconds, memory)
+                    workers[number] = _Worker(work, limits)
                 yield task, answer
     finally:
         for worker in workers:
@@ -106,21 +116,21 @@ def _answer(worker: _Worker, *, late: bool) -> Any:
         return Lost(f"the process ended with code {worker.end()}")
 
 
-def _serve(pipe: Connection, work: Work, seconds: float, memory: float) -> None:
+def _serve(pipe: Connection, work: Work, limits: Limits) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
     signal.signal(signal.SIGPROF, _out_of_time)
-    resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    resource.setrlimit(resource.RLIMIT_AS, (int(limits.memory), int(limits.memory)))
     while True:
         try:
             task = pipe.recv()
         except EOFError:
             os._exit(0)
         try:
-            signal.setitimer(signal.ITIMER_PROF, seconds)
+            signal.setitimer(signal.ITIMER_PROF, limits.seconds)
             answer = work(task)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         except OutOfTimeError:
-            answer = Lost(f"not ready after {seconds:.0f} s of processor time")
+            answer = Lost(f"not ready after {limits.seconds:g} s of processor time")
         except MemoryError:
             answer = Lost("out of memory")
         pipe.send(answer)

@@ -155,7 +155,7 @@ def check_case(case: DrawnCase, number: int, folder: Path) -> SceneRun:
         scene = load_case(write_drawn_case(case, folder))
         simulation = Simulation(scene)
         answer, insertion = carry_out(scene, case.command, simulation.model)
-        faults = list(_faults(scene, case.command, insertion)) if insertion is not None else []
+        faults = list(faults_of(scene, case.command, insertion)) if insertion is not None else []
         symmetry = ""
         if case.check and not faults:
             symmetry, fault = check_symmetry(case, scene, simulation.model, answer)
@@ -185,7 +185,7 @@ def _place(error: BaseException) -> str:
     return f"{Path(own[-1].filename).name}:{own[-1].name}"
 
 
-def _faults(scene: Scene, command: str, insertion: Insertion) -> Iterator[Fault]:
+def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Fault]:
     """Yield the requirements that an insertion does not meet."""
     states = insertion.states
     energies = ledger(insertion)

@@ -9,14 +9,14 @@ from typing import Any
 
 from needlefem.stress.draw import draw_case
 from needlefem.stress.drawnfiles import write_drawn_case
-from needlefem.stress.pool import Lost, work_through
+from needlefem.stress.pool import Limits, Lost, work_through
 from needlefem.stress.sceneruns import Fault, SceneRun, run_scene
 from needlefem.table import Table
 
 COUNT = 2000
 """Scenes when no number is given."""
-SECONDS, MEMORY = 60.0, 4e9
-"""Processor time that a scene may take, and address space of a worker, bytes."""
+LIMITS = Limits(seconds=60.0, clock=300.0, memory=4e9)
+"""Of a scene."""
 COMPLETE = 0.95
 """Least share of scenes in which the needle does what it was told."""
 TELL = 30.0
@@ -30,7 +30,7 @@ def run_scenes(
     work = partial(run_scene, seed)
     runs: list[SceneRun] = []
     told = time.monotonic()
-    found = work_through(work, numbers, processes=processes, seconds=SECONDS, memory=MEMORY)
+    found = work_through(work, numbers, processes=processes, limits=LIMITS)
     for number, answer in found:
         runs.append(_lost(seed, number, answer) if isinstance(answer, Lost) else answer)
         if time.monotonic() - told > TELL:

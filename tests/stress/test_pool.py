@@ -1,0 +1,31 @@
+"""Workers that hang or die are replaced, and their tasks named."""
+
+import os
+import time
+
+from needlefem.stress.pool import Limits, Lost, work_through
+
+
+def work(task: int) -> int:
+    if task == 1:
+        while True:
+            pass
+    if task == 2:
+        os._exit(7)
+    if task == 3:
+        bytearray(10**12)
+    if task == 4:
+        time.sleep(1000)
+    return 10 * task
+
+
+def test_every_task_has_an_answer() -> None:
+    limits = Limits(seconds=0.4, clock=8.0, memory=1e10)
+    found = dict(work_through(work, range(6), processes=2, limits=limits))
+    assert found[0] == 0
+    assert found[5] == 50
+    assert found[1] == Lost("not ready after 0.4 s of processor time")
+    assert found[2] == Lost("the process ended with code 7")
+    assert found[3] == Lost("out of memory")
+    assert isinstance(found[4], Lost)
+    assert "no answer within" in found[4].reason
