@@ -220,9 +220,16 @@ def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
     return 0
 
 
-def _show_warning(message: Warning | str, category: type[Warning], *where: Any) -> None:
+def _show_warning(  # noqa: PLR0917  (as Python calls it)
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: Any = None,  # noqa: ARG001
+    line: str | None = None,
+) -> None:
     """Write a warning where Python does, whoever has turned that to another place."""
-    sys.stderr.write(warnings.formatwarning(message, category, *where[:2]))
+    sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))
 
 
 @contextlib.contextmanager
