@@ -10,7 +10,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
     ["arrays", "errors", "table", "shown"],
-    ["units", "knobs", "inputfile"],
+    ["units", "knobs", "inputfile", "tomltext"],
     ["validation"],
     ["contour", "foreign", "frame"],
     ["materials", "elements", "image"],

@@ -21,7 +21,7 @@ from needlefem.planning.plan import plan
 from needlefem.planning.reference import Exact
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.resolve import resolve, with_element
-from needlefem.scene import BoxMesh, Scene, vary
+from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 from needlefem.table import Table
 
 ROUNDS = 3
@@ -91,7 +91,7 @@ def entrants(scene: Scene) -> list[Entrant]:
     element = resolve(scene).scene.discretisation.element
     found = [Entrant(OWN, element, _planned(scene, {}))]
     for name in CATALOGUE:
-        for label, changes in sizes(scene.mesh).items():
+        for label, changes in sizes(scene.mesh, scene).items():
             found.append(Entrant(name, f"{name}, {label}", _planned(scene, changes, name)))
     for label, changes in steps(resolve(scene).scene).items():
         found.append(Entrant("steps, regimes", label, _planned(scene, changes)))
@@ -106,10 +106,10 @@ def entrants(scene: Scene) -> list[Entrant]:
     return found
 
 
-def sizes(mesh: BoxMesh) -> dict[str, dict[str, Any]]:
-    """Return the changes to a mesh: coarser, as it is and finer where it is refined, and elsewhere.
+def sizes(mesh: BoxMesh, scene: Scene | None = None) -> dict[str, dict[str, Any]]:
+    """Return the changes to a scene's mesh: coarser, as it is, finer where refined, and elsewhere.
 
-    Without a refinement, sizes change everywhere.
+    Without a refinement, sizes change everywhere. With the scene, those of its regions change too.
     """
     refine = mesh.refine
     refined = refine.corridor_size > 0.0 or refine.contour_size > 0.0
@@ -121,6 +121,7 @@ def sizes(mesh: BoxMesh) -> dict[str, dict[str, Any]]:
         changes = {
             "mesh.refine.corridor_size": factor * refine.corridor_size,
             "mesh.refine.contour_size": factor * refine.contour_size,
+            **({} if scene is None else contour_sizes(scene, factor)),
         }
         name = label if factor == 1.0 else f"refined {label}"
         found[name] = changes

@@ -25,6 +25,7 @@ from needlefem.scene import (
     TargetDraw,
     canonical,
 )
+from needlefem.tomltext import assignment, key_parts
 from needlefem.validation import refuse_unknown
 
 SCHEMA_VERSION = 1
@@ -56,6 +57,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     text = read_text(path, "case", remedy="give the path of a case.toml")
     data = _spelled(_parsed(text, str(path)))
     recorded = {key: _override(data, key, value) for key, value in map(_split, overrides)}
+    refuse_open(data, str(path))
     scene = read_scene(data, path.parent)
     return dataclasses.replace(scene, source=path, overrides=recorded)
 
@@ -82,10 +84,10 @@ def _spelled(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def _split(override: str) -> tuple[str, str]:
-    key, equals, value = override.partition("=")
-    if not equals or not key.strip():
+    found = assignment(override)
+    if found is None or not found[0]:
         raise CaseError("--set", f"'{override}' is no assignment", "write key=value")
-    return key.strip(), value.strip()
+    return found
 
 
 def _override(data: dict[str, Any], key: str, text: str) -> Any:
@@ -95,7 +97,8 @@ def _override(data: dict[str, Any], key: str, text: str) -> Any:
         raise CaseError(f"--set {key}", "nested too deep", "give a simpler value") from None
     except ValueError:
         value = text
-    *folders, name = _key_path(key)
+    first, *rest = key_parts(key)
+    *folders, name = [canonical(first), *rest]
     table = data
     for folder in folders:
         table = table.setdefault(folder, {})
@@ -103,20 +106,6 @@ def _override(data: dict[str, Any], key: str, text: str) -> Any:
             raise CaseError(f"--set {key}", f"'{folder}' is not a table", "check the key")
     table[name] = value
     return value
-
-
-def _key_path(key: str) -> list[str]:
-    """Return the parts of a dotted key; a part in quotes may have dots in it."""
-    try:
-        node: Any = tomllib.loads(f"{key} = 0")
-    except ValueError:
-        path = key.split(".")
-    else:
-        path = []
-        while isinstance(node, dict) and node:
-            name, node = next(iter(node.items()))
-            path.append(name)
-    return [canonical(path[0]), *path[1:]]
 
 
 def read_scene(data: Table, folder: Path) -> Scene:

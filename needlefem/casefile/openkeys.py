@@ -10,6 +10,7 @@ from needlefem.knobs import knob_of
 from needlefem.materials import LAWS
 from needlefem.materials.tissues import library
 from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Region, Support
+from needlefem.tomltext import dotted_key
 from needlefem.units import UNITS, dimension_of
 
 OPEN = "?"
@@ -26,13 +27,25 @@ _SENTENCES = {
 }
 
 
-def refuse_open(data: Table) -> None:
-    """Raise a `CaseError` for the first value that is ``"?"``; it names the others too."""
-    keys = list(_open_keys(data, ()))
+def refuse_open(data: Table, file: str = "") -> None:
+    """Raise a `CaseError` for the first value that is ``"?"``; it names the file and the others."""
+    keys = [path for path in _open_keys(data, ()) if not _is_name(data, path)]
     if not keys:
         return
-    rest = f"; so are {', '.join(map('.'.join, keys[1:]))}" if len(keys) > 1 else ""
-    raise CaseError(".".join(keys[0]), f"'{OPEN}' is still open{rest}", f"write {_what(keys[0])}")
+    rest = f"; so are {', '.join(map(dotted_key, keys[1:]))}" if len(keys) > 1 else ""
+    key = dotted_key(keys[0])
+    where = f" in {file}" if file else ""
+    raise CaseError(key, f"'{OPEN}' is still open{where}{rest}", f"write {_what(keys[0])}")
+
+
+def _is_name(data: Table, path: tuple[str, ...]) -> bool:
+    """Say whether a key's value is somebody's name for a thing, of which ``"?"`` may be one."""
+    if path == ("title",) or path[-1] in ("group", "file"):
+        return True
+    materials = data.get("materials")
+    return path[-1] in ("material", "background") and isinstance(materials, dict) and (
+        OPEN in materials
+    )  # fmt: skip
 
 
 def _open_keys(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:

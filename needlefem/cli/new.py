@@ -4,14 +4,15 @@ import argparse
 from pathlib import Path
 
 from needlefem.casefile.load import load_case
-from needlefem.casefile.starters.draft import Draft, case_text
-from needlefem.casefile.starters.ofcontours import csv_text, of_contours
+from needlefem.casefile.starters.draft import Draft, case_text, csv_text
+from needlefem.casefile.starters.ofcontours import of_contours
 from needlefem.casefile.starters.oflabelmap import of_labelmap
 from needlefem.casefile.starters.ofmesh import of_mesh
 from needlefem.casefile.starters.wanted import Wanted
 from needlefem.cli.common import say, say_json
 from needlefem.errors import CaseError
 from needlefem.output.files import write_text
+from needlefem.tomltext import brief, comment
 
 
 def main(options: argparse.Namespace) -> int:
@@ -25,16 +26,17 @@ def main(options: argparse.Namespace) -> int:
         left = ""
     except CaseError as error:
         left = str(error)
-    record = {"case": str(case), "written": [str(p) for p in written],
-              "regions": list(draft.regions), "open": left or None}  # fmt: skip
+    regions = list(draft.names.values())
+    record = {"case": str(case), "written": [str(p) for p in written], "regions": regions,
+              "remarks": draft.remarks, "open": left or None}  # fmt: skip
     if options.json:
         say_json(record)
         return 0
     for file in written:
         say(f"wrote {file}")
-    say(f"regions: {', '.join(draft.regions) or 'none'}")
+    say(f"regions: {', '.join(map(brief, regions)) or 'none'}")
     for sentence in draft.remarks:
-        say(f"  {sentence}")
+        say(f"  {comment(sentence)}")
     if left:
         say(f"still open: {left}")
     return 0
@@ -51,10 +53,11 @@ def _draft(options: argparse.Namespace, folder: Path) -> Draft:
     )  # fmt: skip
     if options.labelmap:
         return of_labelmap(Path(options.labelmap), wanted)
-    for name in ("entry", "across", "segments"):
+    for name in ("across", "segments", *(("entry",) if options.mesh else ())):
         if getattr(wanted, name):
             problem = f"'{getattr(wanted, name)}'"
-            raise CaseError(f"--{name}", problem, "it goes with --labelmap alone: leave it out")
+            what = "contours and label maps" if name == "entry" else "--labelmap alone"
+            raise CaseError(f"--{name}", problem, f"it goes with {what}: leave it out")
     if options.mesh:
         return of_mesh(Path(options.mesh), folder, wanted)
     return of_contours([Path(name) for name in options.contour], folder, wanted)

@@ -92,8 +92,10 @@ def _size_fields(
         fields.append(
             meshes.near_segment(begin, end, 0.5 * refine.corridor_width, refine.corridor_size)
         )
-    if refine.contour_size > 0.0:
-        fields += [meshes.near_contour(c, refine.contour_size) for c in contours.values()]
+    for name, contour in contours.items():
+        size = scene.regions[name].contour_size or refine.contour_size
+        if size > 0.0:
+            fields.append(meshes.near_contour(contour, size))
     return fields
 
 

@@ -184,6 +184,9 @@ def name_regions(
     centroids = mesh.p[:, mesh.t].mean(axis=1).T
     chosen = dict(groups or {})
     chosen |= {name: np.flatnonzero(c.contains(centroids)) for name, c in contours.items()}
+    if BACKGROUND in chosen:
+        problem = "that is the name of all that lies outside the regions"
+        raise CaseError(f"regions.{BACKGROUND}", problem, "give the region another name")
     for number, members in enumerate(chosen.values(), start=1):
         owner[members] = number
     cells = {

@@ -3,11 +3,13 @@
 import dataclasses
 import re
 from collections.abc import Mapping
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 
 from needlefem.arrays import Bools, Floats, Ints
+from needlefem.errors import short
 from needlefem.frame import Voxels
 from needlefem.image.metaimage import read_metaimage
 from needlefem.image.nifti import GZIP, read_nifti
@@ -18,7 +20,6 @@ from needlefem.image.volume import (
     check_geometry,
     file_bytes,
     refusal,
-    shown,
     whole,
 )
 
@@ -174,7 +175,7 @@ def _segments(
     ]
     named = _named(volume.fields, len(layers), path)
     remarks = [
-        f"Segment {shown(name)} holds no voxel." for at, name in named.items() if at not in present
+        f"Segment {short(name)} holds no voxel." for at, name in named.items() if at not in present
     ]
     if named:
         remarks += [
@@ -185,24 +186,16 @@ def _segments(
     several = len(layers) > 1
     plain = {at: f"label-{at[0]}-{at[1]}" if several else f"label-{at[1]}" for at in present}
     order = [at for at in named if at in present] + [at for at in present if at not in named]
-    found: list[Segment] = []
-    taken: set[str] = set()
+    found: dict[str, Segment] = {}
     for layer, value in order:
-        name = different(named.get((layer, value), plain[layer, value]), taken)
-        taken.add(name)
-        found.append(Segment(name, value, layer))
-    return tuple(found), tuple(remarks)
+        own = named.get((layer, value), plain[layer, value])
+        others = (f"{own} {number}" for number in count(2))
+        name = own if own not in found else next(other for other in others if other not in found)
+        found[name] = Segment(name, value, layer)
+    return tuple(found.values()), tuple(remarks)
 
 
-def different(name: str, taken: set[str]) -> str:
-    """Return a name, with the first number from 2 on behind it that makes it a new one."""
-    chosen, number = name, 2
-    while chosen in taken:
-        chosen, number = f"{name} {number}", number + 1
-    return chosen
-
-
-def _named(fields: Mapping[str, str], count: int, path: Path) -> dict[tuple[int, int], str]:
+def _named(fields: Mapping[str, str], layers: int, path: Path) -> dict[tuple[int, int], str]:
     """Return the names in a header by layer and value, in the order of their numbers."""
     said: dict[int, dict[str, str]] = {}
     for key, text in fields.items():
@@ -211,11 +204,11 @@ def _named(fields: Mapping[str, str], count: int, path: Path) -> dict[tuple[int,
             said.setdefault(int(match[1]), {})[match[2]] = text.strip()
     found: dict[tuple[int, int], str] = {}
     for number, own in sorted(said.items()):
-        first = number if count > 1 and not any("Layer" in other for other in said.values()) else 0
+        first = number if layers > 1 and not any("Layer" in other for other in said.values()) else 0
         key = f"Segment{number}_Layer"
         layer = whole(own.get("Layer", str(first)), key, path, 0)
-        if layer >= count:
-            problem = f"{key}: {layer}, but there are {count} layers"
+        if layer >= layers:
+            problem = f"{key}: {layer}, but there are {layers} layers"
             raise refusal(path, problem, "correct the header")
         key = f"Segment{number}_LabelValue"
         value = whole(own.get("LabelValue", "1"), key, path)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from needlefem.errors import short
 from needlefem.image.volume import (
     Volume,
     array_of,
@@ -14,7 +15,6 @@ from needlefem.image.volume import (
     inflated,
     number,
     refusal,
-    shown,
     unit_of,
     voxel_count,
     whole,
@@ -46,7 +46,7 @@ def read_metaimage(path: Path) -> Volume:
     content = file_bytes(path)
     fields, start = _header(content, path)
     if fields.get("ObjectType", "Image") != "Image":
-        raise refusal(path, f"ObjectType: {shown(fields['ObjectType'])} is no image")
+        raise refusal(path, f"ObjectType: {short(fields['ObjectType'])} is no image")
     count = whole(_said(fields, "NDims", path), "NDims", path, 1)
     sizes = [whole(text, "DimSize", path, 1) for text in _said(fields, "DimSize", path).split()]
     if len(sizes) != count:
@@ -71,9 +71,9 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], int]:
         line = content[at : len(content) if end < 0 else end].decode("utf-8", "replace").strip()
         name, equals, value = (part.strip() for part in line.partition("="))
         if line and (not equals or not re.fullmatch(r"[^\0]{1,200}", name)):
-            raise refusal(path, f"{shown(line)} in its header says nothing", "save it anew")
+            raise refusal(path, f"{short(line)} in its header says nothing", "save it anew")
         if line and fields.setdefault(name, value) != value:
-            raise refusal(path, f"{shown(name)} is said twice", "correct the header")
+            raise refusal(path, f"{short(name)} is said twice", "correct the header")
         if end < 0 and "ElementDataFile" not in fields:
             raise refusal(path, "its header has no 'ElementDataFile'", "save it anew")
         at = len(content) if end < 0 else end + 1
@@ -95,14 +95,14 @@ def _said(fields: Mapping[str, str], name: str, path: Path) -> str:
 def _true(fields: Mapping[str, str], name: str, path: Path) -> bool:
     said = fields.get(name, "False").lower()
     if said not in ("true", "false"):
-        raise refusal(path, f"{name}: {shown(said)} is neither True nor False", "correct it")
+        raise refusal(path, f"{name}: {short(said)} is neither True nor False", "correct it")
     return said == "true"
 
 
 def _values(fields: Mapping[str, str], rest: bytes, sizes: list[int], path: Path) -> np.ndarray:
     kind = _said(fields, "ElementType", path)
     if kind not in TYPES:
-        raise refusal(path, f"ElementType: {shown(kind)} holds no labels", "save whole numbers")
+        raise refusal(path, f"ElementType: {short(kind)} holds no labels", "save whole numbers")
     order = ">" if _true(fields, "BinaryDataByteOrderMSB", path) else "<"
     dtype, shape = np.dtype(order + TYPES[kind]), tuple(reversed(sizes))
     most = voxel_count(sizes, path) * dtype.itemsize
@@ -126,7 +126,7 @@ def _placed(fields: Mapping[str, str], values: np.ndarray, path: Path) -> Volume
     words = _said(fields, "ElementSpacing" if "ElementSpacing" in fields else "ElementSize", path)
     spacing = _numbers(words, "ElementSpacing", 3, path)
     if not np.all(spacing > 0.0):
-        problem = f"ElementSpacing: {shown(words)} are not positive"
+        problem = f"ElementSpacing: {short(words)} are not positive"
         raise refusal(path, problem, "turn an axis by TransformMatrix")
     unit = unit_of(fields.get("DistanceUnits", "mm"), "DistanceUnits", path)
     remarks, axes, origin = [], np.eye(3), np.zeros(3)
@@ -143,7 +143,7 @@ def _placed(fields: Mapping[str, str], values: np.ndarray, path: Path) -> Volume
     with np.errstate(all="ignore"):
         lengths = np.linalg.norm(axes, axis=1)
     if not np.allclose(lengths, 1.0, rtol=0.0, atol=SQUARE):
-        problem = f"TransformMatrix: {shown(fields['TransformMatrix'])}: no unit vectors"
+        problem = f"TransformMatrix: {short(fields['TransformMatrix'])}: no unit vectors"
         raise refusal(path, problem, "correct the header")
     return Volume(
         values=values[None],
@@ -157,5 +157,5 @@ def _placed(fields: Mapping[str, str], values: np.ndarray, path: Path) -> Volume
 def _numbers(text: str, key: str, count: int, path: Path) -> np.ndarray:
     words = text.split()
     if len(words) != count:
-        raise refusal(path, f"{key}: {shown(text)} has not {count} numbers", "correct the header")
+        raise refusal(path, f"{key}: {short(text)} has not {count} numbers", "correct the header")
     return np.array([number(word, key, path) for word in words])

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from needlefem.arrays import Floats
-from needlefem.errors import nearest
+from needlefem.errors import nearest, short
 from needlefem.image.volume import (
     LPS,
     Volume,
@@ -17,7 +17,6 @@ from needlefem.image.volume import (
     inflated,
     number,
     refusal,
-    shown,
     unit_of,
     voxel_count,
     whole,
@@ -97,7 +96,7 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], dict[str, str],
         raise refusal(path, "its header ends nowhere", "save it anew")
     first, *lines = re.split(r"\r?\n", _text(head))
     if not re.fullmatch(r"NRRD000[1-5]", first.strip()):
-        raise refusal(path, f"{shown(first)} is no version of NRRD that is known")
+        raise refusal(path, f"{short(first)} is no version of NRRD that is known")
     fields: dict[str, str] = {}
     keys: dict[str, str] = {}
     for line in lines:
@@ -107,13 +106,13 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], dict[str, str],
         own, text = text.startswith("="), text.removeprefix("=").strip()
         name = place if own else SYNONYMS.get(place.strip().lower(), place.strip().lower())
         if not colon or (not own and name not in FIELDS):
-            problem = f"{shown(place)} is no field of a header"
+            problem = f"{short(place)} is no field of a header"
             raise refusal(path, problem, nearest(name[:40], FIELDS) if colon else "save it anew")
         into = keys if own else fields
         if own:
             text = re.sub(r"\\(n|\\)", lambda found: "\n" if found[1] == "n" else "\\", text)
         if into.setdefault(name, text) != text:
-            raise refusal(path, f"{shown(name)} is said twice", "correct the header")
+            raise refusal(path, f"{short(name)} is said twice", "correct the header")
     detached = "data file" in fields
     if end is None and not detached:
         raise refusal(path, "its header ends nowhere", "the file is cut off: save it anew")
@@ -145,7 +144,7 @@ def _listed(fields: Mapping[str, str], name: str, count: int, path: Path) -> lis
     pattern = {"space directions": r"none|\([^()]*\)"}.get(name, r'"[^"]*"|[^\s"]+')
     found = re.findall(pattern, text)
     if len(found) != count or re.sub(pattern, "", text).strip():
-        problem = f"{name}: {shown(text)} has not {count} entries"
+        problem = f"{name}: {short(text)} has not {count} entries"
         raise refusal(path, problem, "correct the header")
     return [entry.strip('"') for entry in found]
 
@@ -165,7 +164,7 @@ def _layer_axis(fields: Mapping[str, str], count: int, path: Path) -> int | None
     odd = [kinds[axis] for axis in range(count) if kinds[axis] not in PLACES | LAYERS]
     if odd:
         problem = (
-            f"kinds: an axis of kind {shown(odd[0])}: no segmentation (colours, vectors, time)"
+            f"kinds: an axis of kind {short(odd[0])}: no segmentation (colours, vectors, time)"
         )
         raise refusal(path, problem, "give the segmentation, not the image")
     if count - len(others) != 3 or len(others) > 1:
@@ -179,15 +178,15 @@ def _values(fields: Mapping[str, str], rest: bytes, sizes: Sequence[int], path: 
     said = _said(fields, "type", path).lower()
     kinds = {word: name for name, words in TYPES.items() for word in words.split(", ")}
     if said not in kinds:
-        raise refusal(path, f"type: {shown(said)} holds no labels", "save whole numbers")
+        raise refusal(path, f"type: {short(said)} holds no labels", "save whole numbers")
     encoding = ENCODINGS.get(_said(fields, "encoding", path).lower())
     if encoding is None:
-        raise refusal(path, f"encoding: {shown(fields['encoding'])} is not known")
+        raise refusal(path, f"encoding: {short(fields['encoding'])} is not known")
     dtype = np.dtype(kinds[said])
     if dtype.itemsize > 1 and encoding != "text":
         endian = _said(fields, "endian", path).lower()
         if endian not in ("little", "big"):
-            problem = f"endian: {shown(endian)} is not known"
+            problem = f"endian: {short(endian)} is not known"
             raise refusal(path, problem, "write little or big")
         dtype = dtype.newbyteorder("<" if endian == "little" else ">")
     shape = tuple(reversed(sizes))
@@ -245,7 +244,7 @@ def _geometry(
             axis, sign = LPS[letter]
             turned[row] = sign * np.eye(3)[axis]
     elif space and space not in NAMELESS:
-        problem = f"space: {shown(space)} is no space of three axes that is known"
+        problem = f"space: {short(space)} is no space of three axes that is known"
         raise refusal(path, problem, "write left-posterior-superior or right-anterior-superior")
     else:
         named = f"only '{space}'" if space else "no 'space'"
@@ -272,7 +271,7 @@ def _vector(text: str, key: str, path: Path) -> Floats:
     inside = re.fullmatch(r"\(([^()]*)\)", text.strip())
     words = [] if inside is None else inside[1].split(",")
     if len(words) != 3:
-        raise refusal(path, f"{key}: {shown(text)} is no vector (a,b,c)", "correct the header")
+        raise refusal(path, f"{key}: {short(text)} is no vector (a,b,c)", "correct the header")
     return np.array([number(word.strip(), key, path) for word in words])
 
 
@@ -282,7 +281,7 @@ def _world_units(fields: Mapping[str, str], path: Path) -> Floats:
     lengths = [unit_of(text, "space units", path) for text in named]
     for word in re.findall(r'"([^"]+)"', fields.get("units", "")):
         if unit_of(word, "units", path) not in lengths:
-            problem = f"units {shown(fields['units'])} and space units {' '.join(named)} differ"
+            problem = f"units {short(fields['units'])} and space units {' '.join(named)} differ"
             raise refusal(path, problem, "correct the header")
     return np.array(lengths)
 
@@ -311,7 +310,7 @@ def _spacings(
         raise refusal(path, problem, "save it with its geometry")
     spacing = np.array([number(words[axis], "spacings", path) for axis in places])
     if not np.all(spacing > 0.0):
-        problem = f"spacings: {shown(fields['spacings'])} are not positive"
+        problem = f"spacings: {short(fields['spacings'])} are not positive"
         raise refusal(path, problem, "write 'space directions' for an axis that is turned")
     units = _listed(fields, "units", count, path) or ["mm"] * count
     factors = np.array([unit_of(units[axis] or "mm", "units", path) for axis in places])

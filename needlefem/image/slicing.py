@@ -11,6 +11,7 @@ from needlefem.contour import Contour
 from needlefem.errors import CaseError
 from needlefem.frame import Frame, Voxels
 from needlefem.image.labelmap import LabelMap, Segment
+from needlefem.tomltext import brief
 
 SMOOTHING = 1.2
 """Standard deviation of the filter that takes the steps out of a segment, coarsest voxel sides."""
@@ -20,6 +21,10 @@ REACH = 4.0
 """Where the filter ends, standard deviations."""
 STEPS = 2.0
 """Samples in the plane per shortest side of a voxel."""
+NEAR = 1.5
+"""How near an outline comes to the image's edge where the image cuts it, voxels."""
+SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior"))
+"""By the axes of LPS: where their negative and their positive direction go."""
 LEAST = 4.0
 """Area of the smallest island that is kept, squares of the shortest side of a voxel."""
 
@@ -104,6 +109,43 @@ def outlines(labelmap: LabelMap, segment: Segment, frame: Frame) -> Outlines:
     met = ndimage.map_coordinates(bodies, at, order=0).reshape(shape)
     lost = np.setdiff1d(met, met[sampled > level])
     return Outlines(contours, small + int(np.count_nonzero(lost)), holes)
+
+
+def cut_sides(labelmap: LabelMap, segment: Segment, frame: Frame, cut: Outlines) -> list[str]:
+    """Return a sentence for every side of the image at which it cuts a segment off.
+
+    The outlines in the plane then follow the image's edge there, or are not concerned.
+    """
+    mask, voxels = labelmap.mask(segment), labelmap.voxels
+    numbers = [voxels.numbers(frame.to_scanner(c.points)) for c in cut.contours]
+    found = []
+    for axis, count in enumerate(voxels.size):
+        slices = np.moveaxis(mask, 2 - axis, 0)
+        for number, end in ((0, -1.0), (count - 1, 1.0)):
+            if not np.any(slices[number]):
+                continue
+            edge = number + 0.5 * end
+            met = any(bool(np.any(np.abs(n[:, axis] - edge) < NEAR)) for n in numbers)
+            if count == 1 and not met:
+                continue
+            side = _side(end * np.array(voxels.axes[axis]), labelmap.space)
+            outline = (
+                "its outline follows the image's edge there, not its own surface"
+                if met
+                else "its outline in this plane is not concerned"
+            )
+            found.append(
+                f"The image cuts {brief(segment.name)} off at its {side} side "
+                f"({'ijk'[axis]} = {number}): {outline}."
+            )
+    return found
+
+
+def _side(direction: Vector, space: str) -> str:
+    """Return the side of the body to which a direction of the scanner's space points most."""
+    towards = direction * (np.array([1.0, 1.0, 1.0]) if space == "LPS" else [-1.0, -1.0, 1.0])
+    axis = int(np.argmax(np.abs(towards)))
+    return SIDES[axis][int(towards[axis] > 0.0)]
 
 
 def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, Floats, float, Floats]:

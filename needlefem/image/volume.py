@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from needlefem.arrays import Floats
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, short
 from needlefem.inputfile import read_bytes, require_file
 
 KEY = "--labelmap"
@@ -80,7 +80,7 @@ def number(text: str, key: str, path: Path) -> float:
     """Return a finite number that a header writes under a key."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
-        raise refusal(path, f"{key}: {shown(text)} is no finite number", "correct the header")
+        raise refusal(path, f"{key}: {short(text)} is no finite number", "correct the header")
     return value
 
 
@@ -88,21 +88,16 @@ def whole(text: str, key: str, path: Path, low: int | None = None) -> int:
     """Return a whole number, of at least `low`, that a header writes under a key."""
     if not _WHOLE.fullmatch(text) or (low is not None and int(text) < low):
         least = "" if low is None else f" of at least {low}"
-        problem = f"{key}: {shown(text)} is no whole number{least}"
+        problem = f"{key}: {short(text)} is no whole number{least}"
         raise refusal(path, problem, "correct the header")
     return int(text)
-
-
-def shown(text: str, most: int = 40) -> str:
-    """Return a text of a header in quotes, shortened, in printable characters."""
-    return ascii(text if len(text) <= most else text[:most] + "...")
 
 
 def unit_of(text: str, key: str, path: Path) -> float:
     """Return the length (m) of a unit that a header names under a key."""
     known = UNITS.get(text.strip().lower())
     if known is None:
-        problem = f"{key}: {shown(text)} is no known unit of length"
+        problem = f"{key}: {short(text)} is no known unit of length"
         raise refusal(path, problem, "save it in mm")
     return known
 

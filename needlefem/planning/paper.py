@@ -17,7 +17,7 @@ from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.planning.making import checked
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Evidence, Plan
-from needlefem.scene import BoxMesh, Scene, vary
+from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 
 SKIPPED = {
     "retraction": "elastic tissue and the first seed: it comes to rest where it was released",
@@ -159,7 +159,7 @@ def refined(scene: Scene, times: int) -> Scene:
         {
             "mesh.divisions": tuple(times * n for n in wanted.divisions),
             "mesh.refine.corridor_size": wanted.refine.corridor_size / times,
-            "mesh.refine.contour_size": wanted.refine.contour_size / times,
+            **contour_sizes(scene, 1.0 / times),
         },
     )
 

@@ -10,7 +10,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.estimate import HALVED, offset_on, path_error
 from needlefem.planning.result import Plan
-from needlefem.scene import BoxMesh, Scene, vary
+from needlefem.scene import BoxMesh, Scene, one_contour_size, vary
 
 SQUARES = 9
 """Squares along the longest side of the box to begin with."""
@@ -65,7 +65,7 @@ class Sizes:
             "mesh.interfaces": "fitted",
             "mesh.refine.corridor_size": self.corridor,
             "mesh.refine.corridor_width": box.refine.corridor_width or CORRIDOR_RADII * radius,
-            "mesh.refine.contour_size": self.contour if scene.regions else 0.0,
+            **one_contour_size(scene, self.contour if scene.regions else 0.0),
             "discretisation.element": "auto",
             "discretisation.kernel_points": 0,
             "discretisation.path_spacing": self.path,

@@ -16,7 +16,7 @@ from needlefem.scene.parts import (
     TargetDraw,
     point_of,
 )
-from needlefem.scene.varying import canonical, field_of, vary
+from needlefem.scene.varying import canonical, contour_sizes, field_of, one_contour_size, vary
 
 __all__ = [
     "DYNAMIC",
@@ -38,7 +38,9 @@ __all__ = [
     "Support",
     "TargetDraw",
     "canonical",
+    "contour_sizes",
     "field_of",
+    "one_contour_size",
     "point_of",
     "vary",
 ]

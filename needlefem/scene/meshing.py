@@ -34,7 +34,11 @@ class Refinement(Validated):
         closed=True,
     )
     contour_size: float = knob(
-        "Element size along the regions' contours", "length", default=0.0, low=0.0, closed=True
+        "Element size along the contours of regions that have none of their own",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
     )
 
 

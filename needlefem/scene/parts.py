@@ -36,6 +36,13 @@ class Region(Validated):
     contour: Contour
     group: str | None = knob("Group of cells of the mesh file, instead of a contour", default=None)
     material: str = knob("Name of its material")
+    contour_size: float = knob(
+        "Element size along its contour; 0: mesh.refine.contour_size",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
     cutting_force: float | None = knob(
         "Cutting force here, where it differs from the needle's",
         "cutting force",

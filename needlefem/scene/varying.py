@@ -6,6 +6,7 @@ from typing import Any
 
 from needlefem.errors import CaseError, nearest, short
 from needlefem.scene.parts import KEYS, Scene
+from needlefem.tomltext import key_parts
 from needlefem.validation import dotted, made
 
 ALIASES = {"discretization": "discretisation"} | {key: name for name, key in KEYS.items()}
@@ -46,6 +47,24 @@ def field_of(scene: Scene, name: str) -> Any:
     return value
 
 
+def contour_sizes(scene: Scene, factor: float) -> dict[str, Any]:
+    """Return the changes that multiply the element sizes along all contours, for `vary`.
+
+    Those of the regions' own go with the one of the mesh. The scene's mesh is a box.
+    """
+    regions = {
+        name: dataclasses.replace(region, contour_size=factor * region.contour_size)
+        for name, region in scene.regions.items()
+    }
+    size = field_of(scene, "mesh.refine.contour_size")
+    return {"mesh.refine.contour_size": factor * size, "regions": regions}
+
+
+def one_contour_size(scene: Scene, size: float) -> dict[str, Any]:
+    """Return the changes that give all contours one element size (m), for `vary`."""
+    return contour_sizes(scene, 0.0) | {"mesh.refine.contour_size": size}
+
+
 def canonical(name: str) -> str:
     """Return the name of a scene's field for a key in another spelling or of a case file."""
     for alias, meant in ALIASES.items():
@@ -57,7 +76,7 @@ def canonical(name: str) -> str:
 def _path(name: Any) -> list[str]:
     if not isinstance(name, str):
         raise CaseError("vary", f"{short(name)} is not a name", "give {'needle.tip_radius': 1e-3}")
-    return canonical(name).split(".")
+    return key_parts(canonical(name)) if '"' in name else canonical(name).split(".")
 
 
 def _part(node: Any, name: str, key: str) -> Any:

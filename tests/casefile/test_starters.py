@@ -82,7 +82,7 @@ def test_the_needle_of_a_contour(tmp_path: Path) -> None:
     assert not {"motion.direction", "motion.max_depth", "target.point"} & set(asked)
     scene = load_case(tmp_path / "case.toml", overrides)
     assert scene.motion.direction == (0.0, 1.0)
-    assert scene.motion.max_depth == pytest.approx(0.015 + 0.005)
+    assert scene.motion.max_depth == pytest.approx(0.023)  # half as deep again, in whole mm
     assert (tmp_path / "gland.csv").read_text().startswith("y [cm], z [cm]\n1, 1\n")  # as it was
 
 

@@ -1,25 +1,36 @@
-"""Boxes of tissue around contours."""
+"""Boxes of tissue around contours, and meshes of them that suit quadratic elements."""
 
 import dataclasses
 from collections.abc import Mapping
+from itertools import combinations
 
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.casefile.starters.draft import listed, millimetres, point_text
 from needlefem.contour import Contour
+from needlefem.errors import CaseError
+from needlefem.fem.build import build_mesh
+from needlefem.materials import Isotropic
+from needlefem.scene import BoxMesh, Motion, Needle, Refinement, Region, Scene
+from needlefem.tomltext import comment, quoted
 
 TIP_RADIUS = 1.27e-3
-HALVINGS = 3
+CORRIDOR_SIZE = TIP_RADIUS
+"""Along the needle: quadratic elements have nodes at half of it, half a tip radius apart."""
+HALVINGS = 2
 """From the corridor's elements to the squares before refinement: sides that halving ends at."""
 MOST_SQUARES = 32
 """Along the longer side of the box; a larger one gets coarser squares."""
-ACROSS = 12.0
-"""Elements along the side of a square of the smallest region's area."""
+ACROSS = 8.0
+"""Quadratic elements along the side of a square of a region's area."""
 LARGEST = 3e-3
 """Largest size along a contour, m."""
-CORRIDOR = 4.0
-"""Width of the refined corridor, tip radii."""
+REACH = 0.5
+"""How far behind the target the needle may go, over the target's depth: what lies before the tip
+is pushed on before it is cut."""
+SIDEWAYS, LEAST_SIDEWAYS = 0.1, 3e-3
+"""Heights of the needle that are searched, over the target's depth, and at the least, m."""
 WHOLE = 1e-3
 """Boxes are whole millimetres."""
 
@@ -37,6 +48,38 @@ class Box:
             back = np.where(direction > 0, point - self.low, point - self.high) / direction
         return float(np.min(back[direction != 0]))
 
+    def gap(self, contour: Contour) -> float:
+        """Return the smallest distance of a contour to the faces, m; negative if it leaves."""
+        points = contour.points
+        return float(min((points - self.low).min(), (self.high - points).min()))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Line:
+    """The needle's line: target and direction (shape (2,)), and the target's depth, m."""
+
+    target: Vector
+    direction: Vector
+    depth: float
+
+    @property
+    def max_depth(self) -> float:
+        """Return the depth that the needle may reach, m, in whole millimetres."""
+        return float(WHOLE * np.ceil((1.0 + REACH) * self.depth / WHOLE))
+
+    @property
+    def sideways(self) -> float:
+        """Return how far from the target's height needles are searched, m."""
+        wanted = max(LEAST_SIDEWAYS, SIDEWAYS * self.depth)
+        return float(WHOLE * np.ceil(wanted / WHOLE))
+
+    @property
+    def end(self) -> Vector:
+        """Return where the deepest needle ends and what the tip needs beyond it, shape (2,), m."""
+        beyond = self.max_depth - self.depth + 4.0 * TIP_RADIUS
+        end: Vector = self.target + beyond * self.direction
+        return end
+
 
 def box_around(contours: Mapping[str, Contour], margin: float, *points: Vector) -> Box:
     """Return the box around contours and points, with a margin, in whole millimetres."""
@@ -46,8 +89,74 @@ def box_around(contours: Mapping[str, Contour], margin: float, *points: Vector) 
     return Box(low, high)
 
 
-def mesh_text(box: Box, contours: Mapping[str, Contour], finest: float, depth: float) -> str:
-    """Return the [mesh] tables of a box refined at its contours and along the needle.
+def with_room(box: Box, line: Line) -> Box:
+    """Return the box, larger where the needle's deepest point would leave it.
+
+    The face through which the needle enters stays: the end lies on its inner side.
+    """
+    low = WHOLE * np.floor(line.end / WHOLE)
+    high = WHOLE * np.ceil(line.end / WHOLE)
+    return Box(np.minimum(box.low, low), np.maximum(box.high, high))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class BoxDraft:
+    """A box, the element sizes along its contours (m, by name), and how cells meet these.
+
+    Parameters
+    ----------
+    box : Box
+    sizes : mapping
+    interfaces : str
+        ``fitted`` or ``centroid``.
+    why : str
+        The reason, for a comment.
+    line : Line or None
+    """
+
+    box: Box
+    sizes: Mapping[str, float]
+    interfaces: str
+    why: str
+    line: Line | None
+
+    def text(self) -> str:
+        """Return the [mesh] tables."""
+        lines = [
+            "[mesh]",
+            f"origin = {point_text(self.box.low)}",
+            f"size = {point_text(self.box.high - self.box.low)}",
+            f"divisions = {listed(str(n) for n in divisions(self.box))}",
+            _commented(f"interfaces = {quoted(self.interfaces)}", comment(self.why)),
+            "",
+            _commented("[mesh.refine]", "for quadratic elements, which are chosen"),
+            _commented(
+                f"contour_size = {millimetres(max(self.sizes.values()), 3)}",
+                "where a region has none of its own",
+            ),
+            _commented(
+                f"corridor_size = {millimetres(CORRIDOR_SIZE, 3)}",
+                "along the needle: the tip's radius",
+            ),
+            f"corridor_width = {millimetres(_width(self.line), 3)}",
+        ]
+        return "\n".join(lines)
+
+    def own_size(self, name: str) -> str:
+        """Return the line that gives a region a size of its own, empty where it needs none."""
+        if self.sizes[name] == max(self.sizes.values()):
+            return ""
+        return f"\ncontour_size = {millimetres(self.sizes[name], 3)}"
+
+
+def _commented(line: str, remark: str) -> str:
+    return f"{line:30s} # {remark}"
+
+
+def box_draft(
+    box: Box, contours: Mapping[str, Contour], finest: float, line: Line | None
+) -> BoxDraft:
+    """Return a box with cells that end at the contours where such can be made.
 
     Parameters
     ----------
@@ -55,48 +164,93 @@ def mesh_text(box: Box, contours: Mapping[str, Contour], finest: float, depth: f
     contours : mapping of names to Contour
     finest : float, m
         Smallest size worth having along a contour: a voxel.
-    depth : float, m
-        Of the corridor; 0 for that of the motion.
+    line : Line or None
+        Of the needle, where it is known.
     """
+    sizes = contour_sizes(contours, finest)
+    gap, names = _nearest(box, contours, sizes)
+    if gap is not None:
+        why = f"{names} come as near as {1e3 * gap:.2g} mm: cells by their centroid"
+        return BoxDraft(box, sizes, "centroid", why, line)
+    draft = BoxDraft(box, sizes, "fitted", "cells end at the contours", line)
+    try:
+        build_mesh(_trial(draft, contours))
+    except CaseError as error:
+        why = f"{error.problem}: cells by their centroid"
+        return BoxDraft(box, sizes, "centroid", why, line)
+    return draft
+
+
+def divisions(box: Box) -> tuple[int, ...]:
+    """Return the numbers of squares along the axes."""
     size = box.high - box.low
-    square = 0.5 * TIP_RADIUS * 2.0**HALVINGS
+    square = CORRIDOR_SIZE * 2.0**HALVINGS
     while size.max() > MOST_SQUARES * square:
         square *= 2.0
-    divisions = np.maximum(2, np.ceil(size / square)).astype(int)
-    along = contour_size(contours, finest)
-    gap = smallest_gap(contours)
-    fitted = gap > 2.0 * along
-    why = "cells end at the contours" if fitted else (
-        f"contours come as near as {1e3 * gap:.2g} mm: cells by their centroid"
-    )  # fmt: skip
-    interfaces = "fitted" if fitted else "centroid"
-    lines = [
-        "[mesh]",
-        f"origin = {point_text(box.low)}",
-        f"size = {point_text(size)}",
-        f"divisions = {listed(str(n) for n in divisions)}",
-        f'interfaces = "{interfaces}"          # {why}',
-        "",
-        "[mesh.refine]",
-        f"contour_size = {millimetres(along, 3)}",
-        f"corridor_size = {millimetres(0.5 * TIP_RADIUS, 3)}",
-        f"corridor_width = {millimetres(CORRIDOR * TIP_RADIUS, 3)}",
-    ]
-    return "\n".join(lines + ([f"corridor_depth = {millimetres(depth)}"] if depth else []))
+    return tuple(int(n) for n in np.maximum(2, np.ceil(size / square)))
 
 
-def contour_size(contours: Mapping[str, Contour], finest: float) -> float:
-    """Return the element size along contours, m."""
-    side = min(float(np.sqrt(contour.area)) for contour in contours.values())
+def contour_sizes(contours: Mapping[str, Contour], finest: float) -> dict[str, float]:
+    """Return the element size along every contour, m."""
+    return {name: _contour_size(contour, finest) for name, contour in contours.items()}
+
+
+def _contour_size(contour: Contour, finest: float) -> float:
+    side = float(np.sqrt(contour.area))
     wanted = float(np.clip(side / ACROSS, finest, max(finest, LARGEST)))
-    steps = np.floor(2.0 * np.log2(wanted / (0.5 * TIP_RADIUS)))
-    return float(0.5 * TIP_RADIUS * 2.0 ** (0.5 * steps))  # bisection ends at such sizes
+    steps = np.round(2.0 * np.log2(wanted / CORRIDOR_SIZE))
+    return float(CORRIDOR_SIZE * 2.0 ** (0.5 * steps))  # bisection ends at such sizes
 
 
-def smallest_gap(contours: Mapping[str, Contour]) -> float:
-    """Return the smallest distance between two contours, m; infinity for a single one."""
-    found, known = np.inf, list(contours.values())
-    for number, one in enumerate(known):
-        for other in known[:number]:
-            found = min(found, one.distance(other.points).min(), other.distance(one.points).min())
-    return float(found)
+def _width(line: Line | None) -> float:
+    sideways = LEAST_SIDEWAYS if line is None else line.sideways
+    return 2.0 * (sideways + TIP_RADIUS)
+
+
+def _nearest(
+    box: Box, contours: Mapping[str, Contour], sizes: Mapping[str, float]
+) -> tuple[float | None, str]:
+    """Return the gap between two contours, or one and a face, that no cells fit into; or None."""
+    for name, contour in contours.items():
+        if box.gap(contour) < 2.0 * sizes[name]:
+            return box.gap(contour), "a contour and the box"
+    for (one, first), (other, second) in combinations(contours.items(), 2):
+        apart = np.minimum(first.distance(second.points).min(), second.distance(first.points).min())
+        if apart <= 2.0 * min(sizes[one], sizes[other]):
+            return float(apart), "contours"
+    return None, ""
+
+
+def _trial(draft: BoxDraft, contours: Mapping[str, Contour]) -> Scene:
+    """Return a scene with the draft's mesh; its materials and its needle play no part."""
+    line, largest = draft.line, max(draft.sizes.values())
+    refine = Refinement(
+        contour_size=largest,
+        corridor_size=0.0 if line is None else CORRIDOR_SIZE,
+        corridor_width=_width(line),
+    )
+    size = draft.box.high - draft.box.low
+    return Scene(
+        title="",
+        axes=("y", "z"),
+        mesh=BoxMesh(
+            origin=tuple(draft.box.low.tolist()),
+            size=tuple(size.tolist()),
+            divisions=divisions(draft.box),
+            interfaces=draft.interfaces,
+            refine=refine,
+        ),
+        materials={"": Isotropic(youngs_modulus=1e4, poissons_ratio=0.45)},
+        background="",
+        regions={
+            f"region {number}": Region(contour=contour, material="", contour_size=draft.sizes[name])
+            for number, (name, contour) in enumerate(contours.items())
+        },
+        supports={},
+        needle=Needle(tip_radius=TIP_RADIUS, cutting_force=1.0, shaft_friction=1.0),
+        motion=Motion(
+            direction=(0.0, 1.0) if line is None else tuple(line.direction.tolist()),
+            max_depth=1e-3 if line is None else line.max_depth,
+        ),
+        target=None if line is None else tuple(line.target.tolist()),
+    )

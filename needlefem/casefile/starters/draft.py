@@ -1,14 +1,17 @@
 """A case in the making, and its text: what is not known stands as ``"?"``."""
 
+import csv
 import dataclasses
-import json
+import io
 from collections.abc import Iterable, Mapping, Sequence
 
-from needlefem.arrays import Floats
+from needlefem.arrays import Floats, Points
 from needlefem.casefile.openkeys import OPEN
+from needlefem.casefile.starters.names import region_names
 from needlefem.contour import Contour
 from needlefem.frame import Frame
 from needlefem.materials.tissues import library
+from needlefem.tomltext import comment, key_of, quoted
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -24,12 +27,14 @@ class Draft:
     mesh : str
         The [mesh] table and those below it.
     regions : mapping
-        By name of a region: the line that says where it is.
+        By name of a region in the file: the lines that say where it is.
     background : str
         Name of the material outside all regions.
     faces : tuple of str
         Names of the mesh's faces.
     direction, max_depth, target : str
+    planning : str
+        The [planning] table, where something is known for it.
     frame : Frame, optional
     contours : mapping
         Contour files to write beside the case, by name.
@@ -46,19 +51,14 @@ class Draft:
     direction: str
     max_depth: str
     target: str
+    planning: str = ""
     frame: Frame | None = None
     contours: Mapping[str, Contour] = dataclasses.field(default_factory=dict)
 
-
-def quoted(text: str) -> str:
-    """Return a TOML string."""
-    return json.dumps(text, ensure_ascii=False)
-
-
-def key_of(name: str) -> str:
-    """Return a name as a TOML key: bare where it can be."""
-    bare = name.isascii() and name.replace("-", "").replace("_", "").isalnum()
-    return name if bare else quoted(name)
+    @property
+    def names(self) -> dict[str, str]:
+        """Names of the case's regions, and of their materials, by the names in the file."""
+        return region_names(self.regions, self.background)
 
 
 def millimetres(value: float, digits: int = 12) -> str:
@@ -81,27 +81,37 @@ def numbers_text(vector: Floats | Sequence[float]) -> str:
     return listed(repr(float(x)) for x in vector)
 
 
+def csv_text(points: Points, axes: Sequence[str]) -> str:
+    """Return a contour's corners, shape (n, 2), m, as the text of a contour file in mm."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(f"{axis} [mm]" for axis in axes)
+    writer.writerows([f"{1e3 * x:.9g}" for x in point] for point in points)
+    return text.getvalue()
+
+
 def case_text(draft: Draft) -> str:
     """Return the draft as the text of a commented case."""
     parts = [_head(draft), draft.mesh]
     if draft.frame is not None:
         parts.append(frame_text(draft.frame))
     parts.append(f"[tissue]\nbackground = {quoted(draft.background)}")
-    names = [draft.background, *dict.fromkeys(draft.regions)]
-    parts += [_material(name) for name in names]
+    names = draft.names
+    parts += [_material(name) for name in (draft.background, *names.values())]
     parts += [
-        f"[regions.{key_of(name)}]\n{where}\nmaterial = {quoted(name)}"
+        f"[regions.{key_of(names[name])}]\n{where}\nmaterial = {quoted(names[name])}"
         for name, where in draft.regions.items()
     ]
     parts += [_support(draft), _NEEDLE, _motion(draft)]
+    parts += [draft.planning] if draft.planning else []
     return "\n\n".join(parts) + "\n"
 
 
 def _head(draft: Draft) -> str:
     lines = [
-        f"# Begun by needlefem new from {draft.file}.",
+        f"# Begun by needlefem new from {comment(draft.file)}.",
         f"# What it does not say is {quoted(OPEN)}: needlefem names each, and what belongs there.",
-        *(f"# {sentence}" for sentence in draft.remarks),
+        *(f"# {comment(sentence)}" for sentence in draft.remarks),
         "",
         "schema_version = 1",
         f"title = {quoted(draft.title)}",
@@ -144,14 +154,20 @@ def _material(name: str) -> str:
 
 
 def _support(draft: Draft) -> str:
-    names = ", ".join(draft.faces) or "none: the file names no edges"
+    names = comment(", ".join(draft.faces)) or "none: the file names no edges"
     return f'[supports.held]\nfaces = "{OPEN}"                    # a list; there are {names}'
 
 
 _NEEDLE = f"""[needle]
-tip_radius = "1.27 mm"         # an assumption; mesh.refine.corridor_size is half of it
+tip_radius = "1.27 mm"         # an assumption; mesh.refine.corridor_size is the same
 cutting_force = "{OPEN}"            # per metre of thickness, such as "90 N/m"
 shaft_friction = "{OPEN}"           # such as "25 kPa\""""
+
+
+def planning_text(sideways: float) -> str:
+    """Return the [planning] table: how far from the target's height needles are searched, m."""
+    ends = listed(millimetres(x) for x in (-sideways, sideways))
+    return f"[planning]\nheight_range = {ends}"
 
 
 def _motion(draft: Draft) -> str:

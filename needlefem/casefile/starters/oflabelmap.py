@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from needlefem.arrays import Vector
-from needlefem.casefile.starters.boxes import Box, box_around, mesh_text
-from needlefem.casefile.starters.draft import Draft, millimetres, point_text, quoted
+from needlefem.casefile.starters.boxes import Box, Line, box_around, box_draft, with_room
+from needlefem.casefile.starters.draft import Draft, millimetres, planning_text, point_text
+from needlefem.casefile.starters.names import different, file_names
 from needlefem.casefile.starters.wanted import Wanted, direction_of, point_of
 from needlefem.contour import Contour
 from needlefem.errors import CaseError, nearest
 from needlefem.frame import Frame
 from needlefem.image.labelmap import LabelMap, Segment, read_labelmap
-from needlefem.image.slicing import needle_plane, outlines
+from needlefem.image.slicing import cut_sides, needle_plane, outlines
+from needlefem.tomltext import brief, quoted
 
 INTO = np.array([0.0, 1.0])
 """Direction of the needle in the case: along its second axis."""
@@ -41,29 +43,34 @@ def of_labelmap(path: Path, wanted: Wanted) -> Draft:
     frame = needle_plane(labelmap.voxels, wanted.space, target, direction, across)
     cut, remarks = _regions(labelmap, segments, frame)
     _check_skin(cut, depth)
-    around = box_around(cut, wanted.around, np.zeros(2))
-    corner = np.array([around.low[0], -depth])
+    corner = np.array([box_around(cut, wanted.around, np.zeros(2)).low[0], -depth])
     frame = dataclasses.replace(frame, origin=tuple(float(x) for x in frame.to_scanner(corner)))
-    box = Box(np.zeros(2), around.high - np.array([around.low[0], 0.0]) + np.array([0.0, depth]))
     contours = {name: contour.moved(-corner) for name, contour in cut.items()}
-    deepest = depth + 0.5 * wanted.around
-    files = {name: _file(name, number) for number, name in enumerate(contours)}
+    line = Line(-corner, INTO, depth)
+    box = box_around(contours, wanted.around, line.target)
+    box = with_room(Box(np.zeros(2), box.high), line)
+    mesh = box_draft(box, contours, min(labelmap.voxels.spacing), line)
+    files = file_names(contours)
     skin = "at the entry" if wanted.entry else "where the needle enters the image (or give --entry)"
     return Draft(
         title=f"{path.name.partition('.')[0]}: {', '.join(s.name for s in segments)}",
         file=path.name,
         axes=("y", "z"),
         remarks=(
-            "y is across the needle, z along it, from the skin on; the skin is flat,",
+            "y is across the needle, z the depth along it, from the skin on; the skin is flat,",
             f"{skin}. Outlines are smoothed; of overlapping regions the later wins.",
+            *labelmap.remarks,
             *remarks,
         ),
-        mesh=mesh_text(box, contours, min(labelmap.voxels.spacing), deepest),
-        regions={name: f"contour = {quoted(files[name])}" for name in contours},
+        mesh=mesh.text(),
+        regions={
+            name: f"contour = {quoted(files[name])}{mesh.own_size(name)}" for name in contours
+        },
         faces=("y_min", "y_max", "z_min (the skin)", "z_max"),
         direction="[0.0, 1.0]",
-        max_depth=millimetres(deepest),
-        target=point_text(INTO * depth - np.array([corner[0], 0.0])),
+        max_depth=millimetres(line.max_depth),
+        target=point_text(line.target),
+        planning=planning_text(line.sideways),
         frame=frame,
         contours={files[name]: contour for name, contour in contours.items()},
     )
@@ -126,17 +133,17 @@ def _regions(
     found: dict[str, Contour] = {}
     remarks = []
     for segment in segments:
-        cut = outlines(labelmap, segment, frame)
+        cut, name = outlines(labelmap, segment, frame), brief(segment.name)
         if not cut.contours:
-            remarks.append(f"The plane does not meet {segment.name}.")
+            remarks.append(f"The plane does not meet {name}.")
         if cut.dropped:
-            remarks.append(f"Islands of {segment.name} too small to keep: {cut.dropped}.")
+            remarks.append(f"Islands of {name} too small to keep: {cut.dropped}.")
         if cut.holes:
-            remarks.append(
-                f"Holes in {segment.name}, filled unless a later region is there: {cut.holes}."
-            )
-        for number, contour in enumerate(cut.contours, 1):
-            found[segment.name if number == 1 else f"{segment.name} {number}"] = contour
+            remarks.append(f"Holes in {name}, filled unless a later region is there: {cut.holes}.")
+        remarks += cut_sides(labelmap, segment, frame, cut)
+        others = {other.name for other in segments if other is not segment}
+        for contour in cut.contours:
+            found[different(segment.name, {*found, *others})] = contour
     if not found:
         names = ", ".join(segment.name for segment in segments)
         problem = f"the plane of the needle meets none of {names}"
@@ -147,12 +154,6 @@ def _regions(
 def _check_skin(contours: Mapping[str, Contour], depth: float) -> None:
     for name, contour in contours.items():
         out = -depth - float(contour.points[:, 1].min())
-        if out >= 0.0:
-            problem = f"segment '{name}' reaches {1e3 * out:.2g} mm out of the skin"
+        if out > 0.0:
+            problem = f"segment '{brief(name)}' reaches {1e3 * out:.2g} mm out of the skin"
             raise CaseError("--entry", problem, "move it out, or leave it away by --segments")
-
-
-def _file(name: str, number: int) -> str:
-    """Return a contour's file name for a segment's name."""
-    plain = "".join(c if c.isascii() and c.isalnum() else "-" for c in name).strip("-").lower()
-    return f"{plain or 'region'}-{number}.csv" if plain != name.lower() else f"{plain}.csv"

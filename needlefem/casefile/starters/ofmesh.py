@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from needlefem.casefile.openkeys import OPEN
-from needlefem.casefile.starters.draft import Draft, numbers_text, point_text, quoted
+from needlefem.casefile.starters.draft import Draft, numbers_text, point_text
 from needlefem.casefile.starters.wanted import Wanted, direction_of, point_of
 from needlefem.errors import CaseError
 from needlefem.fem.cellmap import cell_measures, is_simplicial
 from needlefem.fem.meshfile import read_mesh
+from needlefem.tomltext import quoted
 
 UNKNOWN = f'"{OPEN}"'
 

@@ -10,7 +10,7 @@ import numpy as np
 from needlefem.arrays import Vector
 from needlefem.planning.result import PlanStatus
 from needlefem.planning.studies.common import planner_of
-from needlefem.scene import Scene, vary
+from needlefem.scene import Scene, one_contour_size, vary
 from needlefem.table import Table
 
 LEVELS = 4
@@ -33,7 +33,7 @@ def refinement(scene: Scene, tip: str, levels: int = LEVELS) -> Table:
         size = scene.needle.tip_radius / 2**level
         changes = {
             "mesh.refine.corridor_size": size,
-            "mesh.refine.contour_size": size,
+            **one_contour_size(scene, size),
             "needle.tip": tip,
             "discretisation.kernel_points": KERNEL_POINTS,
         }

@@ -15,7 +15,7 @@ from needlefem.materials import split
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.resolve import resolve, with_element
-from needlefem.scene import BoxMesh, Scene, vary
+from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 from needlefem.table import Table
 
 AGREE = 2e-4
@@ -59,7 +59,7 @@ def refined(scene: Scene) -> Scene:
         scene,
         {
             "mesh.refine.corridor_size": 0.5 * refine.corridor_size,
-            "mesh.refine.contour_size": 0.5 * refine.contour_size,
+            **contour_sizes(scene, 0.5),
         },
     )
 

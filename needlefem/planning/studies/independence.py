@@ -10,7 +10,7 @@ import numpy as np
 
 from needlefem.planning.studies.common import carry_out, planner_of
 from needlefem.resolve import resolve
-from needlefem.scene import BoxMesh, Refinement, Scene, vary
+from needlefem.scene import BoxMesh, Refinement, Scene, contour_sizes, vary
 from needlefem.table import Table
 
 BOUND = 2e-5
@@ -45,7 +45,7 @@ def variations(scene: Scene) -> dict[str, dict[str, Any]]:
     if refine.corridor_size > 0.0:
         found["elements x 1/2"] = {
             "mesh.refine.corridor_size": 0.5 * refine.corridor_size,
-            "mesh.refine.contour_size": 0.5 * refine.contour_size,
+            **contour_sizes(scene, 0.5),
             "discretisation.kernel_points": 4 * points,
         }
     for factor in (2.0, 0.5, 0.25):

@@ -15,7 +15,7 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.planning.studies.common import carry_out
 from needlefem.resolve import resolve
-from needlefem.scene import Scene, field_of, vary
+from needlefem.scene import Scene, field_of, one_contour_size, vary
 from needlefem.table import Table
 
 LARGEST_QUIET_ERROR = 5e-4
@@ -70,7 +70,7 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
         found[f"slivers 1 : {aspect}"] = {
             "mesh.divisions": (round(95 / aspect**0.5), aspect * round(95 / aspect**0.5)),
             "mesh.refine.corridor_size": 0.0,
-            "mesh.refine.contour_size": 0.0,
+            **one_contour_size(scene, 0.0),
             "mesh.interfaces": "centroid",
         }
     return found
@@ -90,7 +90,7 @@ def fine(scene: Scene) -> Scene:
             "mesh.interfaces": "fitted",
             "mesh.refine.corridor_size": 0.25 * radius,
             "mesh.refine.corridor_width": 8e-3,
-            "mesh.refine.contour_size": 0.5 * radius,
+            **one_contour_size(scene, 0.5 * radius),
         },
     )
 

@@ -1,0 +1,76 @@
+"""Text of TOML files: every string and key that is written passes here, and can be read back."""
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
+ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+ASSIGNED = re.compile(r"""((?:[^="']|"(?:[^"\\]|\\.)*"|'[^']*')*)=(.*)""", re.DOTALL)
+"""A key, in which an equals sign may stand in quotes, and what is assigned to it."""
+
+
+def quoted(text: str) -> str:
+    """Return a text as a TOML string on one line.
+
+    Half a surrogate pair (a file name that is not in UTF-8 has them) becomes U+FFFD.
+    """
+    return '"' + "".join(_escaped(character) for character in text) + '"'
+
+
+def _escaped(character: str) -> str:
+    code = ord(character)
+    if character in ESCAPES:
+        return ESCAPES[character]
+    if code < 0x20 or 0x7F <= code < 0xA0 or code in (0x2028, 0x2029):
+        return f"\\u{code:04X}"
+    return "\ufffd" if 0xD800 <= code < 0xE000 else character
+
+
+def key_of(name: str) -> str:
+    """Return a name as a TOML key: bare where it can be."""
+    return name if BARE.fullmatch(name) else quoted(name)
+
+
+def dotted_key(parts: Iterable[str]) -> str:
+    """Return the names of nested tables as one key that can be typed into a case or ``--set``."""
+    return ".".join(key_of(part) for part in parts)
+
+
+def key_parts(key: str) -> list[str]:
+    """Return the names in a dotted key, whose parts may be quoted as in TOML.
+
+    A key that TOML would not read, such as one with a blank, is split at its dots.
+    """
+    try:
+        node: Any = tomllib.loads(f"{key} = 0") if "\n" not in key else 0
+    except tomllib.TOMLDecodeError:
+        node = 0
+    parts = []
+    while isinstance(node, Mapping) and len(node) == 1:
+        ((name, node),) = node.items()
+        parts.append(name)
+    return parts if parts and node == 0 else key.split(".")
+
+
+def assignment(text: str) -> tuple[str, str] | None:
+    """Return key and value of ``key=value``, None where there is no such equals sign."""
+    found = ASSIGNED.fullmatch(text)
+    if found is not None:
+        return found[1].strip(), found[2].strip()
+    key, equals, value = text.partition("=")  # quotes that are not closed are part of a name
+    return (key.strip(), value.strip()) if equals else None
+
+
+def comment(text: str) -> str:
+    """Return a text as it may stand in a comment or a message: on one line, nothing invisible."""
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape").decode()
+        for character in text
+    )
+
+
+def brief(text: str, most: int = 60) -> str:
+    """Return a name as it may stand in a sentence: printable, and not longer than `most`."""
+    return comment(text if len(text) <= most else f"{text[:most]}...")
