@@ -4,6 +4,7 @@ A scene is drawn in a frame of its own, the first axis along the skin and the se
 tissue, and then turned: by quarter turns for a box, by any angle for a mesh from a file.
 """
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -297,7 +298,7 @@ class _Draw:
             "pattern": grid.pattern,
         }
         refine: dict[str, Quantity] = {}
-        if self.inclusions and random.random() < 0.3:
+        if self.inclusions and random.random() < 0.3 and self._roomy():
             data["mesh"]["interfaces"] = "fitted"
             refine["contour_size"] = length(0.5 * grid.coarse_size)
             self.kinds["mesh"] = "box, fitted"
@@ -309,6 +310,18 @@ class _Draw:
             data["mesh"]["refine"] = refine
         self.faces = _faces_of_box(self.turn)
         return None
+
+    def _roomy(self) -> bool:
+        """Say whether the mesh can be fitted: contours a cell away from faces and one another."""
+        room, grid = self.grid.coarse_size, self.grid
+        outlines = list(self.inclusions.values())
+        high = np.array([grid.width, grid.height]) - room
+        if any(np.any((outline < room) | (outline > high)) for outline in outlines):
+            return False
+        pairs = itertools.combinations(outlines, 2)
+        return all(
+            np.linalg.norm(one[:, None] - other, axis=2).min() > room for one, other in pairs
+        )
 
     def _supports(self) -> None:
         random, faces = self.random, self.faces

@@ -39,6 +39,7 @@ def draw_law(
             key: Quantity(float(value), "pressure") if key in _PRESSURES else value
             for key, value in plain.items()
         }
+        written["density"] = Quantity(1000.0, "density")
         return {"law": law, **{key: _listed(value) for key, value in written.items()}}
     found: dict[str, Any] = {
         "law": law,

@@ -157,7 +157,7 @@ def check_case(case: DrawnCase, number: int, folder: Path) -> SceneRun:
         answer, insertion = carry_out(scene, case.command, simulation.model)
         faults = list(faults_of(scene, case.command, insertion)) if insertion is not None else []
         symmetry = ""
-        if case.check and not faults:
+        if case.check:
             symmetry, fault = check_symmetry(case, scene, simulation.model, answer)
             faults += [fault] if fault is not None else []
     except NeedlefemError as error:
