@@ -300,7 +300,7 @@ class _Draw:
         refine: dict[str, Quantity] = {}
         if self.inclusions and random.random() < 0.3 and self._roomy():
             data["mesh"]["interfaces"] = "fitted"
-            refine["contour_size"] = length(0.5 * grid.coarse_size)
+            refine["contour_size"] = length(0.3 * grid.coarse_size)
             self.kinds["mesh"] = "box, fitted"
         if grid.refined:
             refine["corridor_size"] = length(grid.needle_size)
