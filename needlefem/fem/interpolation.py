@@ -1,5 +1,6 @@
 """What shape functions weigh at points anywhere in the mesh."""
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from needlefem.elements import ElementRow
 from needlefem.fem.cellmap import Inverse
 from needlefem.fem.locate import Locator
 from needlefem.fem.shapes import shape_table
+from needlefem.fem.surface import Surface
 
 
 class Weights(NamedTuple):
@@ -59,7 +61,12 @@ class Interpolation:
     ) -> None:
         self.locator = locator or Locator(mesh)
         self.shape = shape_table(element.make)
-        self._cell_nodes = cell_nodes
+        self._mesh, self._cell_nodes = mesh, cell_nodes
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface of the tissue in which the field is."""
+        return Surface(self._mesh, lambda points: self.locator.find(points)[0] >= 0)
 
     def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> Weights:
         """Return weighted means of a field over points, as functionals.

@@ -6,6 +6,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.errors import CaseError
+from needlefem.fem.surface import line_crossings
 
 STEEPEST = 0.2
 """Least cosine between needle and inward normal: flatter, a tip would slide on the skin."""
@@ -39,24 +40,13 @@ def entry_along(mesh: SkfemMesh, through: Vector, direction: Vector) -> Entry | 
         A point of the line, m, and its unit direction.
     """
     facets = mesh.boundary_facets()
-    corners = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 2, 0)  # (n, dim, dim corners)
-    edges = corners[:, :, 1:] - corners[:, :, :1]
-    system = np.concatenate(
-        [edges, np.broadcast_to(-direction[:, None], (len(facets), len(direction), 1))], axis=2
-    )
-    across = np.abs(np.linalg.det(system)) > 1e-12 * np.abs(system).max() ** (edges.shape[2])
-    if not np.any(across):
+    corners = np.moveaxis(mesh.p[:, mesh.facets[:, facets]], 2, 0).swapaxes(1, 2)
+    crossed, travel = line_crossings(corners, through, direction)
+    if not crossed.size:
         return None
-    rhs = through - corners[across, :, 0]
-    solved = np.linalg.solve(system[across], rhs[:, :, None])[:, :, 0]
-    local, travel = solved[:, :-1], solved[:, -1]
-    hit = (local.min(axis=1) >= -1e-9) & (local.sum(axis=1) <= 1.0 + 1e-9)
-    if not np.any(hit):
-        return None
-    candidates = np.flatnonzero(across)[hit]
-    first = int(np.argmin(travel[hit]))
-    number = int(facets[candidates[first]])
-    point = through + travel[hit][first] * direction
+    first = int(np.argmin(travel))
+    number = int(facets[crossed[first]])
+    point = through + travel[first] * direction
     return Entry(point, _inward(mesh, number), number)
 
 

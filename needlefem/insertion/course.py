@@ -89,15 +89,24 @@ class Course:
     @property
     def outcome(self) -> Outcome:
         """How it ended."""
-        if self.stepping is not None:
-            return self.stepping.outcome
-        assert self.march is not None
-        return self.march.outcome
+        run = self.march if self.stepping is None else self.stepping
+        assert run is not None
+        found = run.outcome
+        if self.motion.stages or self.motion.times:
+            return found
+        largest = f"motion.max_depth, {100.0 * self.motion.max_depth:.4g} cm"
+        if found.status is Status.NOT_PUNCTURED:
+            return Outcome(found.status, f"{found.sentence}; raise motion.max_depth")
+        if found.status is Status.COMPLETED and not self.pieces:
+            return Outcome(Status.NOT_PUNCTURED, f"the skin is not cut at {largest}")
+        if found.status is Status.COMPLETED:
+            return Outcome(found.status, f"reached {largest}")
+        return found
 
     @property
     def releases(self) -> tuple[str, ...]:
         """Names of what will be released, in their order."""
-        return tuple(leg.release for leg in self._legs if leg.release)
+        return tuple(name for leg in self._legs for name in leg.releases)
 
     @property
     def pieces(self) -> Sequence[Piece]:
@@ -119,7 +128,7 @@ class Course:
     @property
     def _alone(self) -> bool:
         """Whether the motion is one push and no more."""
-        return len(self._legs) == 1 and self._legs[0].release is None
+        return len(self._legs) == 1 and not self._legs[0].releases
 
     def _marched(self) -> Iterator[State]:
         first = self._legs[0]
@@ -166,16 +175,21 @@ class Course:
 
     def result(self, states: tuple[State, ...]) -> Insertion:
         """Return the insertion with the states that were kept."""
+        outcome = self.outcome
+        if outcome.status is Status.STOPPED and states:
+            depth = f"a depth of {100.0 * states[-1].depth:.4g} cm"
+            outcome = Outcome(Status.STOPPED, f"ended at {depth}, for no more was asked for")
         if self.stepping is None:
             found = self._marched_result()
-            return dataclasses.replace(found, states=states, events=self._events())
+            events = self._events()
+            return dataclasses.replace(found, outcome=outcome, states=states, events=events)
         stepping, march = self.stepping, self.march
         snaps = march.snaps if march else []
         return Insertion(
             scene=self.scene,
             model=self.model,
             instrument=self.instrument,
-            outcome=stepping.outcome,
+            outcome=outcome,
             states=states,
             pieces=tuple(stepping.pieces),
             snaps=(*snaps, *stepping.snaps),

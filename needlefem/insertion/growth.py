@@ -5,6 +5,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from needlefem.arrays import Floats
 from needlefem.errors import SimulationError
+from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import broyden
 from needlefem.insertion.equations import Solution, StepEquations
 
@@ -21,7 +22,7 @@ GAIN = 1e-9
 def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | None:
     """Return the forces with a tip that has cut on until its piece has a length, or None.
 
-    The depth is what it takes.
+    The depth is what it takes. None: not found, or no tissue is around the tip.
 
     Parameters
     ----------
@@ -44,7 +45,10 @@ def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | 
         return np.append(change[:1], _within(unknown[1:], change[1:], length))
 
     jacobian = np.diag([-1.0, *np.ones(len(begin))])
-    return broyden(evaluate, np.append(0.0, begin), jacobian, near)
+    try:
+        return broyden(evaluate, np.append(0.0, begin), jacobian, near)
+    except OutsideError:
+        return None
 
 
 def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution:
@@ -123,7 +127,7 @@ def goal(equations: StepEquations) -> float:
     return max(spacing, track.length - track.arcs[-1] + LEAST * spacing)
 
 
-def climb(equations: StepEquations, depth: float) -> Solution | None:
+def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solution | None:
     """Return the forces with a tip that has cut on, up to a depth or until its piece is whole.
 
     The path's length is the unknown's place in which all is smooth, also where the tip all but
@@ -134,6 +138,8 @@ def climb(equations: StepEquations, depth: float) -> Solution | None:
     equations : StepEquations
     depth : float, m
         Largest depth.
+    room : float, m
+        How far the tip may cut on at most.
 
     Returns
     -------
@@ -142,7 +148,8 @@ def climb(equations: StepEquations, depth: float) -> Solution | None:
     start, track = equations.depth, equations.track
     if depth <= start:  # a needle that goes back does not cut
         return None
-    low, high = track.length - track.arcs[-1], goal(equations)
+    low = track.length - track.arcs[-1]
+    high = min(goal(equations), low + room)
     step = cut_to(equations, high, depth)
     if step is None or step.depth <= start + GAIN:
         step = _peak(equations, low, high, depth)

@@ -3,28 +3,38 @@
 The independent variable is the length of path in the material, not the depth: every step asks
 which depth puts the next material point at the tip. Depth comes out, and may fall back: there
 the tip would run ahead at fixed depth (a snap), until its resistance is back at the cutting
-force. Every shaft point is taken to slip forward, which is checked after every step.
+force. Every shaft point is taken to slip forward, which is checked after every step. The last
+step is shorter: it ends at the requested depth.
 """
 
 import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.optimize import brentq
 
 from needlefem.arrays import Floats, Vector
 from needlefem.fem.interpolation import OutsideError, Weights
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
+from needlefem.fem.surface import TipWatch
 from needlefem.insertion.guide import Guide
-from needlefem.insertion.result import Insertion, Outcome, Snap, Status
+from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Snap, Status
 from needlefem.insertion.state import State
 from needlefem.insertion.step import NoEquilibriumError, Step, StepSolver
 from needlefem.needle.contact import Contact
+from needlefem.needle.functionals import Trial
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Scene
 
 STICK_TOLERANCE = 1e-9
 """Backward motion of the needle against a shaft point that ends the march, m."""
+AT_DEPTH = 1e-12
+"""Distance from the requested depth at which it is reached, m."""
+ROUND_OFF = 1e-14
+"""Distance from it to which the last step is solved, m."""
+HALVINGS = 6
+"""Of a step that would leave the tissue, before the tip is at the surface."""
 
 
 class _StopError(Exception):
@@ -44,7 +54,7 @@ class March:
     max_depth : float, m
         Where it ends.
     within : bool
-        Whether it ends with the last whole piece before, not with the first beyond.
+        Whether it ends with the last whole piece before, without the part of a piece that is left.
     speed : float, m/s
         Of the needle, which says no more than when states are reached.
     guide : Guide, optional
@@ -69,22 +79,28 @@ class March:
         self.instrument, self.max_depth, self.within = instrument, max_depth, within
         self._speed = speed
         self.contact = Contact(responses, instrument.axis.frame)
-        self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
+        self.outcome = Outcome(Status.STOPPED, "ended before the requested depth")
         self.snaps: list[Snap] = []
         self._solver = StepSolver(instrument, self.contact, guide)
+        self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
+        self._tip_trial: Trial | None = None
         self.states: list[State] = []
 
     def iterate(self) -> Iterator[State]:
         """Yield the states one by one; stop early by not asking for more."""
         try:
             yield from self._states_to_depth()
-            self.outcome = Outcome(Status.COMPLETED, f"reached {self.states[-1].depth:.4g} m")
+            reached = f"reached {100.0 * self.states[-1].depth:.4g} cm"
+            self.outcome = Outcome(Status.COMPLETED, reached)
         except _StopError as stop:
             self.outcome = stop.outcome
         except NoEquilibriumError as error:
             self.outcome = Outcome(Status.NOT_CONVERGED, str(error))
+        except LeftTissueError as error:
+            self.outcome = error.outcome
         except OutsideError:
-            self.outcome = Outcome(Status.LEFT_TISSUE, "the tip left the tissue")
+            last = self.states[-1]
+            self.outcome = LeftTissueError(last.tip, last.depth).outcome
 
     def result(self, scene: Scene, model: Model) -> Insertion:
         """Return the insertion, as far as it went, of a scene in its tissue."""
@@ -101,17 +117,72 @@ class March:
 
     def _states_to_depth(self) -> Iterator[State]:
         yield from self._puncture()
-        while self.states[-1].depth < self.max_depth:
-            step = self._solve(self.instrument.spacing)
-            if self.within and step.depth > self.max_depth:
-                return
-            if step.depth > self.states[-1].depth:
-                yield self._accept(step)
+        while self.max_depth - self.states[-1].depth > AT_DEPTH:
+            step = self._next()
+            falls = step.depth <= self.states[-1].depth
+            highest = self._peak(self._length(step)) if falls else step
+            if highest is not None and highest.depth > self.max_depth + AT_DEPTH:
+                if self.within:
+                    return
+                yield self._accept(self._at_max_depth(highest))
+            elif falls:
+                yield from self._snap(highest)
             else:
-                yield from self._snap()
+                yield self._accept(step)
 
     def _solve(self, length: float, depth: float | None = None) -> Step:
         return self._solver.solve(self.states[-1].tip, length, depth)
+
+    def _length(self, step: Step) -> float:
+        return float(np.linalg.norm(step.tip - self.states[-1].tip))
+
+    def _next(self, depth: float | None = None) -> Step:
+        """Return the step over the next piece, or over a part of it that is in the tissue.
+
+        A part is tried as well where no equilibrium is found for the whole.
+        """
+        last, length = self.states[-1], self.instrument.spacing
+        for number in range(HALVINGS + 1):
+            try:
+                step = self._solve(length, depth)
+                self._check_inside(step.tip, step.depth)
+            except OutsideError:  # so is all of the tip
+                if number == HALVINGS:
+                    ahead = last.tip + length * self.instrument.axis.direction
+                    self._check_inside(ahead, last.depth)
+                    raise
+            except (LeftTissueError, NoEquilibriumError):
+                if number == HALVINGS:
+                    raise
+            else:
+                break
+            length *= 0.5
+        return step
+
+    def _check_inside(self, tip: Vector, depth: float) -> None:
+        """Raise a `LeftTissueError` if the tip leaves the tissue on its way to a point."""
+        last = self.states[-1]
+        share = self._watch.first_exit(last.tip, tip)
+        if share is not None:
+            place = last.tip + share * (tip - last.tip)
+            raise LeftTissueError(place, last.depth + share * (depth - last.depth))
+
+    def _at_max_depth(self, beyond: Step) -> Step:
+        """Return the step to the requested depth, a part of one that goes beyond it."""
+        last, length = self.states[-1].depth, self._length(beyond)
+        steps = {length: beyond}
+
+        def excess(part: float) -> float:
+            if part == 0.0:
+                return last - self.max_depth
+            if part not in steps:
+                steps[part] = self._solve(part)
+            over = steps[part].depth - self.max_depth
+            return 0.0 if abs(over) <= ROUND_OFF else over
+
+        part = brentq(excess, 0.0, length, xtol=1e-12 * length)
+        excess(part)
+        return steps[part]
 
     def _keep(self, state: State) -> State:
         self.states.append(state)
@@ -137,9 +208,11 @@ class March:
             )
             yield self._keep(pressed)
         if reached < 1.0:
-            sentence = f"the skin is cut at {depth:.4g} m, beyond the largest depth"
+            largest = f"the largest depth, {100.0 * self.max_depth:.4g} cm"
+            sentence = f"the skin is cut at {100.0 * depth:.4g} cm, beyond {largest}"
             raise _StopError(Status.NOT_PUNCTURED, sentence)
         self.contact.adopt(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
+        self._tip_trial = trial
         self.states[-1] = dataclasses.replace(
             self.states[-1],
             axial=np.zeros(1),
@@ -150,10 +223,14 @@ class March:
 
     def _accept(self, step: Step, jumping: bool = False) -> State:
         """Make the step's piece part of the path and keep the state."""
+        self._check_inside(step.tip, step.depth)
+        if abs(step.depth - self.max_depth) <= AT_DEPTH:
+            step = step._replace(depth=self.max_depth)
         forces = step.forces
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
-        self._check_slip(step.depth, moved)
+        self._check_slip(step, moved)
+        self._tip_trial = step.trial
         self._solver.follow(step)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
@@ -174,34 +251,42 @@ class March:
             )
         )
 
-    def _check_slip(self, depth: float, moved: Floats) -> None:
-        before = self.states[-1]
-        count = len(before.moved)
-        slip = depth - before.depth - (moved[:count, 0] - before.moved[:, 0])
-        if count > 1 and slip[1:].min() < -STICK_TOLERANCE:
+    def _check_slip(self, step: Step, moved: Floats) -> None:
+        """End the march where a point of the shaft, or the new piece, does not slip forward.
+
+        Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
+        tip before the step.
+        """
+        before, dim = self.states[-1], len(moved[0])
+        count, trial = len(before.moved), step.trial
+        own = np.column_stack([before.axial, before.lateral]).ravel() @ trial.coupling[dim]
+        assert self._tip_trial is not None
+        tip = self._tip_trial.response.at(trial.rows)[:, 0] * before.tip_force
+        was = np.append(before.moved[:, 0], own + float(trial.loads[dim] @ tip))
+        slip = step.depth - before.depth - (np.append(moved[:count, 0], moved[-1, 0]) - was)
+        if slip[1:].min() < -STICK_TOLERANCE:
             raise _StopError(
                 Status.RESTICK,
-                f"a shaft point stops slipping at depth {depth:.4g} m; the march ends there",
+                f"a point of the shaft stops slipping at depth {100.0 * step.depth:.4g} cm; "
+                "path following ends there",
             )
 
-    def _snap(self) -> Iterator[State]:
+    def _snap(self, peak: Step | None) -> Iterator[State]:
         """Go on from where depth would fall back: at fixed depth, until the tip holds again."""
-        peak = self._peak()
         if peak is not None:
             yield self._accept(peak)
         first, depth = len(self.states) - 1, self.states[-1].depth
-        spacing = self.instrument.spacing
-        step = self._solve(spacing, depth)
+        step = self._next(depth)
         while step.excess > 0.0:
             yield self._accept(step, jumping=True)
-            step = self._solve(spacing, depth)
-        landing = _root(lambda length: self._solve(length, depth), spacing)
-        yield self._accept(landing)
+            step = self._next(depth)
+        landing = _root(lambda length: self._solve(length, depth), self._length(step))
+        state = self._accept(landing)
         self.snaps.append(Snap(depth, first, len(self.states) - 1))
+        yield state
 
-    def _peak(self) -> Step | None:
-        """Return the step to the largest depth within one spacing, if there is one ahead."""
-        spacing = self.instrument.spacing
+    def _peak(self, spacing: float) -> Step | None:
+        """Return the step to the largest depth within a length, if there is one ahead."""
         low, high = 0.0, spacing
         ratio = 0.5 * (np.sqrt(5.0) - 1.0)
         inner = [self._solve(high - ratio * (high - low)), self._solve(low + ratio * (high - low))]

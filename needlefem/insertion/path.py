@@ -14,6 +14,10 @@ from needlefem.arrays import Floats, Ints, Points, Vector
 from needlefem.insertion.result import Insertion
 
 
+STUB = 0.01
+"""Length of a path's last step, over that of the one before, from which on it counts."""
+
+
 class Reach(NamedTuple):
     """A material point that the tip reaches, and the depth at which it does.
 
@@ -56,6 +60,17 @@ class Piece(NamedTuple):
             return None
         first = int(cross[0])
         return _invert(self.length, values, sought, first)
+
+
+def _without_stub(piece: Piece) -> Piece:
+    """Return a piece without its last state but one if that is all but at the end.
+
+    A cubic through both would have their round-off, divided by their distance, for its slope.
+    """
+    steps = np.diff(piece.length)
+    if len(steps) < 2 or steps[-1] >= STUB * steps[-2]:
+        return piece
+    return Piece(*(np.delete(values, -2, axis=0) for values in piece))
 
 
 def _cutting(insertion: Insertion) -> Ints:
@@ -134,7 +149,7 @@ class Path:
         ends = [0, *(last for _, last in snaps)]
         stops = [*(first + 1 for first, _ in snaps), len(tips)]
         self.pieces = [
-            Piece(length[a:b], depths[a:b], tips[a:b])
+            _without_stub(Piece(length[a:b], depths[a:b], tips[a:b]))
             for a, b in zip(ends, stops, strict=True)
             if b - a > 1
         ]

@@ -1,13 +1,15 @@
 """How far a stepped needle has come: its state, its path, energies and events so far."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem.arrays import Floats, Vector
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.model import Model
 from needlefem.fem.responses import Responses
+from needlefem.fem.surface import TipWatch
 from needlefem.insertion.account import Account, Spent
 from needlefem.insertion.chronicle import Chronicle
 from needlefem.insertion.equations import Field, StepEquations
@@ -17,7 +19,7 @@ from needlefem.insertion.march import March
 from needlefem.insertion.media import Medium
 from needlefem.insertion.moments import extend, free_state, settled
 from needlefem.insertion.recent import Recent
-from needlefem.insertion.result import Ledger
+from needlefem.insertion.result import Ledger, LeftTissueError
 from needlefem.insertion.state import State, Way
 from needlefem.insertion.stepfield import Rest, StepField
 from needlefem.insertion.track import Track
@@ -26,6 +28,10 @@ from needlefem.needle.contact import Contact
 from needlefem.needle.friction import Friction
 from needlefem.needle.functionals import Piece, Trial
 from needlefem.needle.instrument import Instrument
+
+
+AT_SURFACE = 1.0 / 64
+"""Distance from the surface ahead, relative to the spacing, at which the tip is there."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -90,6 +96,8 @@ class Progress:
         self.spent = (0.0, 0.0)
         self.arc, self.count, self.evaluations = 0.0, 0, 0
         self.contact: Contact
+        self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
+        self._unfinished = False
         self._contacts: Recent[Responses, Contact] = Recent()
         self._field: Field = Rest(model.dim)
         self._solved: list[StepEquations] = []
@@ -137,15 +145,61 @@ class Progress:
     # what a step may end in
 
     def found(self, moment: Moment, time: float) -> Found:
-        """Return a moment as a state, and what the step to it spends."""
+        """Return a moment as a state, and what the step to it spends.
+
+        Raises
+        ------
+        LeftTissueError
+            The tip has cut its way out of the tissue.
+        """
         solution = moment.solution
         if solution is None:
             return self.free(time, moment.depth)
         if moment.way in (Way.CUTTING, Way.JUMPING):
+            self.check_inside(solution.position.tip, moment.depth)
             arc = self.track.arcs[-1] + solution.position.length
             moment = dataclasses.replace(moment, arc=arc)
         state, field = settled(self.contact, self.track, moment, time)
         return self._weighed(state, field, moment)
+
+    def check_inside(self, tip: Vector, depth: float) -> None:
+        """Raise a `LeftTissueError` if the tip leaves the tissue on its way to a point.
+
+        Parameters
+        ----------
+        tip : array, shape (dim,), m
+            Material point ahead of the crack front.
+        depth : float, m
+            Of the needle there.
+        """
+        front, before = self.track.front, self.state.depth
+        share = self._watch.first_exit(front, tip)
+        if share is not None:
+            place = front + share * (tip - front)
+            raise LeftTissueError(place, before + share * (depth - before))
+
+    def room(self) -> float:
+        """Return how far the tip may cut straight ahead, m: to the surface, at most a piece.
+
+        Raises
+        ------
+        LeftTissueError
+            It is at the surface.
+        """
+        front, depth, spacing = self.track.front, self.state.depth, self.instrument.spacing
+        direction = self.instrument.axis.direction
+        self.check_inside(front + AT_SURFACE * spacing * direction, depth)
+        share = self._watch.first_exit(front, front + spacing * direction)
+        return np.inf if share is None else share * spacing
+
+    def left(self) -> LeftTissueError:
+        """Return the error of a tip around which no tissue is left."""
+        front, depth = self.track.front, self.state.depth
+        try:
+            self.check_inside(front + self.instrument.spacing * self.instrument.axis.direction, depth)
+        except LeftTissueError as error:
+            return error
+        return LeftTissueError(front, depth)
 
     def free(self, time: float, depth: float) -> Found:
         """Return the state of a needle that is not in the tissue."""
@@ -196,6 +250,15 @@ class Progress:
             track.extend(float(solution.position.kinetic[-1]))
         return self.state
 
+    def release(self, names: Sequence[str]) -> State:
+        """Let the tip let go of something; return the state with it."""
+        world = self.instrument.axis.tip(self.state.depth)
+        for name in names:
+            self.chronicle.release(name, self.state, world)
+        seeds = self.chronicle.places(self._field)
+        self.state = dataclasses.replace(self.state, seeds=seeds)
+        return self.state
+
     def puncture(self, trial: Trial, count: int) -> None:
         """Cut the skin: the entry point becomes the path's first piece, without friction.
 
@@ -219,9 +282,17 @@ class Progress:
         self.count += 1
         self.evaluations += sum(equations.evaluations for equations in self._solved)
         self._solved.clear()
+        self._unfinished = True
         if finish:
-            self.medium.finish(load(self.model, self.instrument.axis.frame, state, self.pieces))
-            self.account.set_tissue(self.medium.energies())
+            self.finish()
         self.chronicle.deepen(state)
         self.chronicle.tell(old, state, self.spent)
         return state
+
+    def finish(self) -> None:
+        """End the tissue's step in the newest state, if it has not ended yet."""
+        if self._unfinished:
+            frame = self.instrument.axis.frame
+            self.medium.finish(load(self.model, frame, self.state, self.pieces))
+            self.account.set_tissue(self.medium.energies())
+            self._unfinished = False

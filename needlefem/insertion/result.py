@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from needlefem.arrays import Floats, Points, Vector
+from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.model import Model
 from needlefem.insertion.state import State
@@ -35,6 +36,31 @@ class Outcome:
 
     status: Status
     sentence: str
+
+
+class LeftTissueError(SimulationError):
+    """The tip leaves the tissue.
+
+    Parameters
+    ----------
+    place : array, shape (dim,), m
+        Where, in the undeformed tissue.
+    depth : float, m
+        Of the needle then.
+    """
+
+    def __init__(self, place: Vector, depth: float) -> None:
+        point = ", ".join(f"{100.0 * x:.4g}" for x in place)
+        super().__init__(
+            f"the tip left the tissue at a depth of {100.0 * depth:.4g} cm, through its surface at "
+            f"({point}) cm; stop before that depth, or change the entry or the direction"
+        )
+        self.place, self.depth = place, depth
+
+    @property
+    def outcome(self) -> Outcome:
+        """The end of an insertion."""
+        return Outcome(Status.LEFT_TISSUE, str(self))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from needlefem.errors import CaseError
 from needlefem.scene import Motion, Stage
 
 EVEN = 1e-9
-"""Slack, in steps, with which a leg is cut into steps."""
+"""Round-off, in steps or pitches of a train, that is none."""
 HALVINGS = 6
 """Of the first step after the needle stopped or turned back, in which sticking gives way."""
 
@@ -20,7 +20,7 @@ class Leg(NamedTuple):
     start: float
     end: float
     duration: float
-    release: str | None = None
+    releases: tuple[str, ...] = ()
 
 
 class Tick(NamedTuple):
@@ -29,7 +29,7 @@ class Tick(NamedTuple):
     time: float
     depth: float
     duration: float
-    release: str | None = None
+    releases: tuple[str, ...] = ()
 
     def time_at(self, depth: float, start: tuple[float, float]) -> float:
         """Return the time of a depth in an even motion from a time and a depth to this tick's."""
@@ -39,7 +39,7 @@ class Tick(NamedTuple):
 
 
 def legs(motion: Motion) -> tuple[Leg, ...]:
-    """Return the legs of a motion.
+    """Return the legs of a motion; what is released without a motion belongs to the one before.
 
     Raises
     ------
@@ -53,37 +53,50 @@ def legs(motion: Motion) -> tuple[Leg, ...]:
     found: list[Leg] = []
     depth = 0.0
     for number, stage in enumerate(motion.stages):
-        found += _stage(stage, depth, motion, f"motion.stages[{number}]")
+        for leg in _stage(stage, depth, motion, f"motion.stages[{number}]"):
+            if found and leg.duration == 0.0 and leg.start == leg.end:
+                found[-1] = found[-1]._replace(releases=found[-1].releases + leg.releases)
+            else:
+                found.append(leg)
         depth = found[-1].end
     return tuple(found)
 
 
+def deepest(motion: Motion) -> float:
+    """Return the largest depth of a motion, m."""
+    return max(leg.end for leg in legs(motion))
+
+
 def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[Leg]:
+    releases = () if stage.release is None else (stage.release,)
     if stage.hold is not None:
-        return [Leg(depth, depth, stage.hold, stage.release)]
+        return [Leg(depth, depth, stage.hold, releases)]
     end, speed = stage.to, stage.speed or motion.speed
     assert end is not None
     if end > motion.max_depth:
         problem = f"{end:g} m is beyond motion.max_depth, {motion.max_depth:g} m"
         raise CaseError(f"{key}.to", problem, "choose a smaller depth or raise max_depth")
     if stage.train is None:
-        return [Leg(depth, end, abs(end - depth) / speed, stage.release)]
+        return [Leg(depth, end, abs(end - depth) / speed, releases)]
     return _train(stage, depth, end, speed, key)
 
 
 def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> list[Leg]:
     """Return the legs between the seeds of a train, the first of which stays at the start."""
     count, pitch = stage.train or 0, stage.pitch
-    if pitch is None or end >= depth or depth - end < (count - 1) * pitch:
+    if pitch is None or end >= depth or depth - end < (count - 1) * pitch * (1.0 - EVEN):
         problem = f"no room for {count} seeds on the way from {depth:g} to {end:g} m"
         raise CaseError(f"{key}.train", problem, "give 'pitch', and retract over all of the train")
     name = stage.release or "seed"
-    found = [Leg(depth, depth, 0.0, f"{name} 1")]
+    found = [Leg(depth, depth, 0.0, (f"{name} 1",))]
     for number in range(1, count):
-        below = depth - number * pitch
-        found.append(Leg(below + pitch, below, pitch / speed, f"{name} {number + 1}"))
+        below = max(depth - number * pitch, end)
+        if below - end <= EVEN * pitch:  # the train ends with the stage
+            below = end
+        start = found[-1].end
+        found.append(Leg(start, below, (start - below) / speed, (f"{name} {number + 1}",)))
     last = found[-1].end
-    return [*found, Leg(last, end, (last - end) / speed)]
+    return found if last == end else [*found, Leg(last, end, (last - end) / speed)]
 
 
 def _table(motion: Motion) -> tuple[Leg, ...]:
@@ -132,8 +145,8 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
             end = share == 1.0
             depth = leg.end if end else leg.start + share * travel
             duration = (share - begin) * leg.duration if timeless else leg.duration / count
-            release = leg.release if end else None
-            yield Tick(time + share * leg.duration, depth, duration, release)
+            releases = leg.releases if end else ()
+            yield Tick(time + share * leg.duration, depth, duration, releases)
             begin = share
         time += leg.duration
         following = travels[number + 1] if number + 1 < len(travels) else 0.0

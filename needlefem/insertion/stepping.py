@@ -9,17 +9,20 @@ is taken in halves.
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.model import Model
 from needlefem.insertion.account import Account
 from needlefem.insertion.chronicle import Chronicle
+from needlefem.insertion.equations import Solution, StepEquations
 from needlefem.insertion.growth import goal, land, run_ahead
 from needlefem.insertion.march import March
 from needlefem.insertion.media import Medium
 from needlefem.insertion.moments import pressing_state, tell_apart
 from needlefem.insertion.progress import Found, Progress
-from needlefem.insertion.result import Ledger, Outcome, Snap, Status
+from needlefem.insertion.result import Ledger, LeftTissueError, Outcome, Snap, Status
 from needlefem.insertion.schedule import Tick
 from needlefem.insertion.skin import touch
 from needlefem.insertion.state import State, Way
@@ -59,7 +62,7 @@ class Stepping:
     ) -> None:
         self.instrument, self.medium, self.friction = instrument, medium, friction
         self.snaps: list[Snap] = []
-        self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
+        self.outcome = Outcome(Status.STOPPED, "ended before the motion did")
         self._progress = Progress(instrument, medium, model, friction)
         self._told_apart = False
 
@@ -88,14 +91,22 @@ class Stepping:
         try:
             yield self._progress.state
             for tick in ticks:
-                if tick.time > self._progress.state.time or tick.release:
+                if tick.time > self._progress.state.time or tick.releases:
                     yield from self._tick(tick)
-            sentence = f"the motion ended at {self._progress.state.depth:.4g} m"
+            sentence = f"the motion ended at {100.0 * self._progress.state.depth:.4g} cm"
             self.outcome = Outcome(Status.COMPLETED, sentence)
-        except SimulationError as error:
-            self.outcome = Outcome(Status.NOT_CONVERGED, str(error))
+        except LeftTissueError as error:
+            self._end(error.outcome)
         except OutsideError:
-            self.outcome = Outcome(Status.LEFT_TISSUE, "the tip left the tissue")
+            self._end(self._progress.left().outcome)
+        except SimulationError as error:
+            sentence = f"after {100.0 * self._progress.state.depth:.4g} cm of depth: {error}"
+            self._end(Outcome(Status.NOT_CONVERGED, sentence))
+
+    def _end(self, outcome: Outcome) -> None:
+        """End before the motion does, with the step in time that was begun."""
+        self._progress.finish()
+        self.outcome = outcome
 
     def take_over(self, march: March, speed: float, spent: Ledger) -> None:
         """Go on where a march ended; see `Progress.take_over`."""
@@ -113,9 +124,8 @@ class Stepping:
             start = (now.time, now.depth)
             while (now := self._progress.state).time < tick.time or now.depth != tick.depth:
                 yield from self._advance(tick, start, halvings)
-        if tick.release:
-            world = self.instrument.axis.tip(now.depth)
-            self.chronicle.release(tick.release, now, world)
+        elif tick.releases:
+            yield self._progress.release(tick.releases)
 
     def _advance(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
         """Go to the tick's depth, or to where something happens before, if time can be cut."""
@@ -125,15 +135,25 @@ class Stepping:
         old, arc, timeless = self._progress.state, self._progress.arc, self.medium.timeless
         equations = self._progress.equations()
         new = attempt(equations, old.way, arc, tick.depth)
+        room = np.inf
+        if new.way is Way.CUTTING and new.solution is None:
+            room = self._progress.room()
         if timeless:
             if new.way is not old.way:
                 new = first_change(equations, old, arc, new) or new
-            new = within_piece(equations, new)
+            new = within_piece(equations, new, room)
         if new.way is Way.CUTTING and new.solution is None:
             yield from self._run_ahead(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
             yield from self._settle(found, tick, halvings)
+
+    def _accept(self, found: Found, tick: Tick) -> State:
+        """Accept what was found, and release at the tick's end what is released there."""
+        state = self._progress.accept(found)
+        if state.time >= tick.time and state.depth == tick.depth and tick.releases:
+            return self._progress.release(tick.releases)
+        return state
 
     def _settle(self, found: Found, tick: Tick, halvings: int) -> Iterator[State]:
         """Accept what was found, or take the step in halves if contact gives too much in it."""
@@ -141,13 +161,13 @@ class Stepping:
         if gives and halvings and not self.medium.timeless:
             yield from self._in_halves(tick, halvings)
         else:
-            yield self._progress.accept(found)
+            yield self._accept(found, tick)
 
     def _in_halves(self, tick: Tick, halvings: int) -> Iterator[State]:
         """Take the step in two of half its duration."""
         now, half = self._progress.state, 0.5 * tick.duration
         middle = Tick(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
-        for part in (middle, tick._replace(duration=half, release=None)):
+        for part in (middle, tick._replace(duration=half)):
             yield from self._tick(part, halvings - 1)
 
     def _run_ahead(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
@@ -160,7 +180,8 @@ class Stepping:
         while True:
             equations = progress.equations()
             high, low = goal(equations), None
-            step = run_ahead(equations, high, depth)
+            step = self._ahead(equations, high, depth)
+            high = step.position.length
             while self.medium.inertial and step.excess > 0.0:
                 low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
                 step = run_ahead(equations, high, depth)
@@ -170,9 +191,20 @@ class Stepping:
             yield progress.accept(jump, finish=timeless)
         landing = land(equations, high, depth, low)
         found = progress.found(Moment(Way.CUTTING, track.length, depth, landing), time)
-        yield progress.accept(found)
+        state = self._accept(found, tick)
         self.snaps.append(Snap(depth, first, progress.count))
-        self.chronicle.happens("snap", self.account.snap - released, progress.state)
+        self.chronicle.happens("snap", self.account.snap - released, state)
+        yield state
+
+    def _ahead(self, equations: StepEquations, length: float, depth: float) -> Solution:
+        """Run ahead, as far as there is tissue around the tip."""
+        grown = self._progress.track.length - self._progress.track.arcs[-1]
+        for _ in range(HALVINGS):
+            try:
+                return run_ahead(equations, length, depth)
+            except OutsideError:
+                length = 0.5 * (grown + length)
+        return run_ahead(equations, length, depth)
 
     def _touch(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
         """Press on the skin, and cut it."""
@@ -187,9 +219,11 @@ class Stepping:
             return
         trial, forces = found.trial, found.forces
         held = pressing_state(progress.track, trial, forces, time, found.depth)
+        states = []
         if not found.punctured or timeless:
-            yield progress.accept(progress.pressing(held, trial, forces))
+            states.append(self._accept(progress.pressing(held, trial, forces), tick))
         if found.punctured:
             progress.puncture(trial, len(forces) - 1)
             at = progress.state if timeless else held
             self.chronicle.happens("puncture", sum(progress.spent), at)
+        yield from states

@@ -164,16 +164,24 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     return float(brentq(function, start, end, xtol=FINE * abs(end - start)))
 
 
-def within_piece(equations: StepEquations, new: Moment) -> Moment:
+def within_piece(equations: StepEquations, new: Moment, room: float = np.inf) -> Moment:
     """Return the moment in the step at which the growing piece is whole, if there is one.
 
     A tip that was not found where it should have cut to is looked for on the way there.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    new : Moment
+        At the step's end.
+    room : float, m
+        How far the tip may cut on at most.
     """
     if new.way is not Way.CUTTING:
         return new
     track, spacing = equations.track, equations.instrument.spacing
     if new.solution is None:
-        found = climb(equations, new.depth)
+        found = climb(equations, new.depth, room)
     elif new.solution.position.length <= (1.0 + 1e-9) * spacing:
         return new
     else:
