@@ -13,7 +13,6 @@ import numpy as np
 from needlefem.arrays import Floats, Ints, Points, Vector
 from needlefem.insertion.result import Insertion
 
-
 STUB = 0.01
 """Length of a path's last step, over that of the one before, from which on it counts."""
 

@@ -29,7 +29,6 @@ from needlefem.needle.friction import Friction
 from needlefem.needle.functionals import Piece, Trial
 from needlefem.needle.instrument import Instrument
 
-
 AT_SURFACE = 1.0 / 64
 """Distance from the surface ahead, relative to the spacing, at which the tip is there."""
 
@@ -196,7 +195,9 @@ class Progress:
         """Return the error of a tip around which no tissue is left."""
         front, depth = self.track.front, self.state.depth
         try:
-            self.check_inside(front + self.instrument.spacing * self.instrument.axis.direction, depth)
+            self.check_inside(
+                front + self.instrument.spacing * self.instrument.axis.direction, depth
+            )
         except LeftTissueError as error:
             return error
         return LeftTissueError(front, depth)
