@@ -170,7 +170,7 @@ def _warnings(scene: Scene) -> list[str]:
         *_tip_warnings(scene, row),
         *_spacing_warnings(scene, row),
         *_friction_warnings(scene),
-        *_stick_warnings(scene),
+        *stick_warnings(scene),
     ]
 
 
@@ -184,7 +184,7 @@ def _friction_warnings(scene: Scene) -> list[str]:
     return []
 
 
-def _stick_warnings(scene: Scene) -> list[str]:
+def stick_warnings(scene: Scene) -> list[str]:
     """Say where the friction of what sticks would alternate from piece to piece."""
     size, needle = tip_element_size(scene), scene.needle
     steps = scene.motion.stages or scene.motion.times or scene.discretisation.integrator != "march"

@@ -71,7 +71,7 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     """Return seed, energy and validity at the last state."""
     energies = ledger(insertion)
     strains = validity(insertion, len(insertion.states) - 1)
-    warnings = [*simulation.resolved.warnings, *strains.warnings()]
+    warnings = [*simulation.warnings, *strains.warnings()]
     deepest = max(float(insertion.depths.max()), 0.0)
     passed = passings(insertion.scene, insertion.axis, deepest)
     warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]

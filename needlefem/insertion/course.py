@@ -7,7 +7,7 @@ point stops slipping, the needle rests or turns back) stepping takes over, from 
 import dataclasses
 import itertools
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +47,8 @@ class Course:
     instrument : Instrument
     medium : Medium
     model : Model
+    friction : callable
+        Returns the friction law; asked for when there is something to step.
     guide : Guide, optional
         For a march, what is known from one nearby.
 
@@ -66,10 +68,11 @@ class Course:
         medium: Medium,
         model: Model,
         *,
+        friction: Callable[[], "Friction"],
         guide: Guide | None = None,
     ) -> None:
         self.scene, self.motion, self.instrument = scene, motion, instrument
-        self._guide = guide
+        self._guide, self._friction = guide, friction
         self.medium, self.model = medium, model
         self.march: March | None = None
         self.stepping: Stepping | None = None
@@ -151,7 +154,7 @@ class Course:
     def _stepped(self) -> Iterator[State]:
         from needlefem.insertion.stepping import Stepping  # noqa: PLC0415
 
-        friction = friction_of(self.scene)
+        friction = self._friction()
         stepping = Stepping(self.instrument, self.medium, self.model, friction)
         self.stepping = stepping
         spacing = self.instrument.spacing
@@ -223,11 +226,3 @@ FINAL = (
     Status.LEFT_TISSUE,
 )
 """What a push can end with that stepping would not go on from."""
-
-
-def friction_of(scene: Scene) -> "Friction":
-    """Return the friction law of a scene's needle."""
-    from needlefem.needle.friction import Friction  # noqa: PLC0415
-
-    needle = scene.needle
-    return Friction(needle.static_friction, needle.weakening_length, needle.stick_stiffness)

@@ -11,7 +11,6 @@ import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.optimize import brentq
 
 from needlefem.arrays import Floats, Vector
 from needlefem.fem.interpolation import OutsideError, Weights
@@ -21,7 +20,7 @@ from needlefem.fem.surface import TipWatch
 from needlefem.insertion.guide import Guide
 from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Snap, Status
 from needlefem.insertion.state import State
-from needlefem.insertion.step import NoEquilibriumError, Step, StepSolver
+from needlefem.insertion.step import MOST_ITERATIONS, NoEquilibriumError, Step, StepSolver
 from needlefem.needle.contact import Contact
 from needlefem.needle.functionals import Trial
 from needlefem.needle.instrument import Instrument
@@ -169,20 +168,20 @@ class March:
 
     def _at_max_depth(self, beyond: Step) -> Step:
         """Return the step to the requested depth, a part of one that goes beyond it."""
-        last, length = self.states[-1].depth, self._length(beyond)
-        steps = {length: beyond}
-
-        def excess(part: float) -> float:
-            if part == 0.0:
-                return last - self.max_depth
-            if part not in steps:
-                steps[part] = self._solve(part)
-            over = steps[part].depth - self.max_depth
-            return 0.0 if abs(over) <= ROUND_OFF else over
-
-        part = brentq(excess, 0.0, length, xtol=1e-12 * length)
-        excess(part)
-        return steps[part]
+        low, high = 0.0, self._length(beyond)
+        under, over = self.states[-1].depth - self.max_depth, beyond.depth - self.max_depth
+        step = beyond
+        for _ in range(MOST_ITERATIONS):  # a secant within brackets: Illinois' method
+            length = low - under * (high - low) / (over - under)
+            step = self._solve(length)
+            excess = step.depth - self.max_depth
+            if abs(excess) <= ROUND_OFF or not low < length < high:
+                break
+            if excess > 0.0:
+                high, over, under = length, excess, 0.5 * under
+            else:
+                low, under, over = length, excess, 0.5 * over
+        return step
 
     def _keep(self, state: State) -> State:
         self.states.append(state)

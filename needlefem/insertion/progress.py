@@ -120,7 +120,14 @@ class Progress:
         self.arc, self.count = self.track.length, len(march.states) - 1
         for state in march.states:
             self.chronicle.deepen(state)
-        self.account.begin(spent)
+        stored = self._stored_by_sticking()
+        hold, friction = spent.hold + stored, spent.friction - stored
+        self.account.begin(dataclasses.replace(spent, hold=hold, friction=friction))
+
+    def _stored_by_sticking(self) -> float:
+        """Return the energy of the tangential penalty, J (J/m in 2D): all of it is at the limit."""
+        compliances = np.array([piece.compliance for piece in self.pieces])
+        return 0.5 * self.account.give * float(compliances @ self.state.axial**2)
 
     def begin(self, duration: float) -> None:
         """Begin a step: meet the tissue's operator, and its motion without the needle."""

@@ -2,7 +2,8 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +19,18 @@ from needlefem.insertion.course import Course
 from needlefem.insertion.guide import Guide
 from needlefem.insertion.media import ElasticMedium, Medium, responses_of
 from needlefem.insertion.result import Insertion
+from needlefem.insertion.schedule import deepest
 from needlefem.insertion.state import State
 from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
-from needlefem.resolve import Resolved, resolve
+from needlefem.resolve import Resolved, resolve, stick_warnings
 from needlefem.scene import DYNAMIC, Motion, Scene
+
+if TYPE_CHECKING:  # a march does without what sticks in time steps
+    from needlefem.insertion.sticking import Sticking
+    from needlefem.needle.friction import Friction
 
 Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
@@ -65,6 +71,7 @@ class Simulation:
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
         self._guide: Guide | None = None
+        self._sticking: Sticking | None = None
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
@@ -77,7 +84,19 @@ class Simulation:
             found["factorisation"] = f"{self.model.factor.name}: {unknowns} unknowns"
             spent = f"{known.size} rows, {known.solves} back-substitutions"
             found["responses"] = f"{known.way}: {spent}"
+        if self._sticking is not None and self._sticking.reason:
+            found["stick_stiffness"] = self._sticking.reason
         return found
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the user should know before believing a result."""
+        found = self.resolved.warnings
+        if self._sticking is None or not self._sticking.reason:
+            return found
+        chosen = f"needle.stick_stiffness is chosen: {self._sticking.reason}"
+        doubts = stick_warnings(self.scene)  # of rigid sticking
+        return (*(warning for warning in found if warning not in doubts), chosen)
 
     @property
     def steps(self) -> bool:
@@ -155,6 +174,42 @@ class Simulation:
         facets = np.concatenate(held) if held else np.zeros(0, dtype=np.intp)
         check_entry(entry, self.direction, facets)
 
+    def reach(self, entry: Entry) -> float:
+        """Return the largest depth of the scene's motion, at most that at which its line leaves.
+
+        Parameters
+        ----------
+        entry : Entry
+            Where the line enters the undeformed tissue.
+        """
+        depth = deepest(self.scene.motion)
+        end = entry.point + depth * self.direction
+        share = self.model.interpolation.surface.first_exit(entry.point, end)
+        return depth if share is None else share * depth
+
+    def sticking(self, entry: Entry) -> "Sticking":
+        """Return how what sticks is held to the needle; found for the first entry asked for.
+
+        Raises
+        ------
+        CaseError
+            The scene's own penalty is too stiff for the mesh.
+        """
+        from needlefem.insertion.sticking import sticking  # noqa: PLC0415
+
+        if self._sticking is None:
+            needle, reach = self.instrument(entry), self.reach(entry)
+            self._sticking = sticking(self.scene.needle, needle, self.responses, reach)
+        return self._sticking
+
+    def friction(self, entry: Entry) -> "Friction":
+        """Return the friction law of a needle that is stepped in time."""
+        from needlefem.needle.friction import Friction  # noqa: PLC0415
+
+        needle = self.scene.needle
+        stiffness = self.sticking(entry).stiffness
+        return Friction(needle.static_friction, needle.weakening_length, stiffness)
+
     def instrument(self, entry: Entry) -> Instrument:
         """Return the needle on the line that starts at an entry."""
         needle, numbers = self.scene.needle, self.scene.discretisation
@@ -197,7 +252,10 @@ class Simulation:
         if self._guide is not None:
             guide = self._guide.beside(entry.point, self.scene.needle.tip_radius)
         self._guide = guide
-        return Course(self.scene, motion, needle, self._medium(), self.model, guide=guide)
+        friction = partial(self.friction, entry)
+        return Course(
+            self.scene, motion, needle, self._medium(), self.model, friction=friction, guide=guide
+        )
 
     def _medium(self) -> Medium:
         """Return the tissue in time; what has inertia or a memory is imported with it."""

@@ -55,7 +55,7 @@ class Friction:
 
 
 def stick_condition(compliance: Floats, slack: Floats) -> float:
-    """Return the condition of the response of pieces that stick; beyond all bounds if singular.
+    """Return the condition of the response of pieces that stick; 1e16 if singular to round-off.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def stick_condition(compliance: Floats, slack: Floats) -> float:
         Compliance of sticking itself.
     """
     values = np.linalg.eigvalsh(compliance + np.diag(slack))
-    return float(values[-1] / max(values[0], 1e-300))
+    return float(values[-1] / max(values[0], 1e-16 * values[-1]))
 
 
 def refuse_noise(compliance: Floats, slack: Floats) -> None:

@@ -102,7 +102,7 @@ def paper_plan(
         preflight=checks,
         ledger=None,
         validity=None,
-        warnings=(*simulation.resolved.warnings, *_warnings(simulation)),
+        warnings=(*simulation.warnings, *_warnings(simulation)),
         skipped=SKIPPED,
         reasons=simulation.resolved.reasons,
         timings={"model": model - begin, "preflight": ready - model, "search": end - ready},

@@ -110,7 +110,7 @@ def _along(
 def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
     simulation, found = made.simulation, made.plan
     insertion, energies, strains = found.insertion, None, None
-    warnings = [*simulation.resolved.warnings, *_loose(simulation.scene)]
+    warnings = [*simulation.warnings, *_loose(simulation.scene)]
     if found.best is not None:
         energies = ledger(insertion)
         depth = float(insertion.axis.along(found.best.release_point))

@@ -10,7 +10,8 @@ MOTIONS = {
     ),
     "through the far side in time": (
         "motion.entry=['3 cm','0 cm']", "motion.max_depth=20 cm", "supports.w.faces=['y_min']",
-        "discretisation.integrator=quasi-static", "discretisation.path_spacing=6 mm",
+        "discretisation.integrator=quasi-static", "discretisation.path_spacing=8 mm",
+        "mesh.divisions=[6,6]",
     ),
     "obliquely": ("motion.entry=['5 cm','0 cm']", "motion.direction=[0.6,0.8]"),
 }  # fmt: skip

@@ -1,0 +1,109 @@
+"""How what sticks is held to the needle: rigidly, or by a tangential penalty.
+
+Rigid sticking prescribes the displacement of every segment of the path. Segments much shorter
+than the distance of nodes move alike, so that the forces between them are not determined: their
+response is singular to round-off. A tangential penalty makes it regular: a segment that sticks is
+held by a spring and gives way by friction over stiffness. Forward slip does not feel it, for there
+friction is at its limit whatever the spring.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from needlefem.errors import CaseError
+from needlefem.fem.responses import Responses
+from needlefem.needle.friction import Friction, stick_condition
+from needlefem.needle.instrument import Instrument
+from needlefem.needle.straight import straight_path
+from needlefem.scene import Needle
+
+STICK_CONDITION = 1e9
+"""Condition of the response of what sticks from which on its forces are noise: round-off of the
+responses, 1e-15, then shows in them at 1e-6."""
+GIVES_WAY = 0.01
+"""Displacement by which a chosen penalty gives way at the friction limit, over the tip's radius."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Sticking:
+    """The tangential penalty of a scene's needle, and what it is good for.
+
+    Parameters
+    ----------
+    stiffness : float, Pa (N/m^3 in 2D)
+        Per length of path; 0: rigid.
+    condition : float
+        Of the response of a straight path that sticks, with it.
+    rigid_condition : float
+        Without.
+    reason : str
+        Why it was chosen; empty if it was not.
+    """
+
+    stiffness: float
+    condition: float
+    rigid_condition: float
+    reason: str = ""
+
+
+def sticking(
+    needle: Needle, instrument: Instrument, responses: Responses, length: float
+) -> Sticking:
+    """Return how what sticks is held: as the scene says, or so that its forces are determined.
+
+    Parameters
+    ----------
+    needle : Needle
+        A `stick_stiffness` of 0 leaves the choice open.
+    instrument : Instrument
+        On the line that is looked at.
+    responses : Responses
+        Of the tissue.
+    length : float, m
+        Of the path: the deepest of the motion, as far as it is in the tissue.
+
+    Raises
+    ------
+    CaseError
+        The scene's own penalty is too stiff for the mesh.
+    """
+    spacing = instrument.spacing
+    count = max(2, int(length / spacing))
+    compliance = straight_path(instrument, responses, count).sliding().compliance
+    lengths = np.full(count, spacing)
+
+    def condition(stiffness: float) -> float:
+        return stick_condition(compliance, Friction(stiffness=stiffness).slack(lengths))
+
+    given, rigid = needle.stick_stiffness, condition(0.0)
+    softest = float(np.linalg.eigvalsh(compliance)[-1])
+    stiffest = 0.5 * STICK_CONDITION / (softest * spacing)
+    if given > 0.0:
+        found = condition(given)
+        if found > STICK_CONDITION:
+            problem = (
+                f"{given:g} is too stiff for the mesh to tell apart what sticks on segments of "
+                f"{1e3 * spacing:.3g} mm (discretisation.path_spacing)"
+            )
+            raise CaseError("needle.stick_stiffness", problem, f"write {_rounded(stiffest):g}")
+        return Sticking(given, found, rigid)
+    if rigid <= STICK_CONDITION:
+        return Sticking(0.0, rigid, rigid)
+    limit = float(instrument.shaft_friction.max()) * max(1.0, needle.static_friction)
+    wanted = limit / (GIVES_WAY * needle.tip_radius)
+    chosen = _rounded(min(wanted or stiffest, stiffest))
+    unit = "N/m^3" if len(instrument.axis.frame) == 2 else "Pa"
+    reason = (
+        f"{chosen:g} {unit}, for the mesh can't tell apart what sticks on segments of "
+        f"{1e3 * spacing:.3g} mm (discretisation.path_spacing): what sticks gives way by up to "
+        f"{1e3 * limit / chosen:.2g} mm"
+    )
+    return Sticking(chosen, condition(chosen), rigid, reason)
+
+
+def _rounded(stiffness: float) -> float:
+    """Return two digits of a number, not more than it."""
+    unit = 10.0 ** (math.floor(math.log10(stiffness)) - 1)
+    return math.floor(stiffness / unit * (1.0 + 1e-12)) * unit
