@@ -170,7 +170,7 @@ class March:
         """Return the step to the requested depth, a part of one that goes beyond it."""
         low, high = 0.0, self._length(beyond)
         under, over = self.states[-1].depth - self.max_depth, beyond.depth - self.max_depth
-        step = beyond
+        step, before = beyond, 0.0
         for _ in range(MOST_ITERATIONS):  # a secant within brackets: Illinois' method
             length = low - under * (high - low) / (over - under)
             step = self._solve(length)
@@ -178,9 +178,12 @@ class March:
             if abs(excess) <= ROUND_OFF or not low < length < high:
                 break
             if excess > 0.0:
-                high, over, under = length, excess, 0.5 * under
+                high, over = length, excess
+                under *= 0.5 if before > 0.0 else 1.0
             else:
-                low, under, over = length, excess, 0.5 * over
+                low, under = length, excess
+                over *= 0.5 if before < 0.0 else 1.0
+            before = excess
         return step
 
     def _keep(self, state: State) -> State:

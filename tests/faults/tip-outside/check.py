@@ -11,7 +11,7 @@ MOTIONS = {
     "through the far side in time": (
         "motion.entry=['3 cm','0 cm']", "motion.max_depth=20 cm", "supports.w.faces=['y_min']",
         "discretisation.integrator=quasi-static", "discretisation.path_spacing=8 mm",
-        "mesh.divisions=[6,6]",
+        "mesh.divisions=[8,8]",
     ),
     "obliquely": ("motion.entry=['5 cm','0 cm']", "motion.direction=[0.6,0.8]"),
 }  # fmt: skip
@@ -19,7 +19,8 @@ MOTIONS = {
 
 def leaves(run, changes):
     sets = [part for value in changes for part in ("--set", value)]
-    status, out, _ = run("run", "case.toml", "--json", *sets)
+    status, out, err = run("run", "case.toml", "--json", *sets)
+    assert status == 3, err
     found = json.loads(out)
     assert status == 3
     assert found["status"] == "left_tissue"
