@@ -32,7 +32,7 @@ class CaseError(NeedlefemError):
 
     def __init__(self, key: str, problem: str, remedy: str) -> None:
         self.key, self.problem, self.remedy = key, problem, remedy
-        super().__init__(_one_line(f"{_cut(key)}: {_cut(problem)}; {_cut(remedy)}"))
+        super().__init__(one_line(f"{_cut(key)}: {_cut(problem)}; {_cut(remedy)}"))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
         """Let the error travel between processes."""
@@ -51,10 +51,23 @@ class SimulationError(NeedlefemError):
     exit_status = 3
 
 
+class OutputError(NeedlefemError):
+    """The system does not let a file be written; the message names the path and the reason."""
+
+    exit_status = 3
+
+
 class NoRendererError(NeedlefemError):
     """No picture can be drawn here; the message names what to install."""
 
     exit_status = 4
+
+
+def one_line(text: str) -> str:
+    """Return a text with its control characters escaped, so that a message is one line."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -90,8 +103,3 @@ def _spelling(name: str) -> str:
 
 def _cut(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 4]} ..."
-
-
-def _one_line(text: str) -> str:
-    """Return a text with its control characters escaped, so that a message is one line."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

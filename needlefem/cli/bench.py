@@ -4,9 +4,11 @@ import argparse
 from pathlib import Path
 
 from needlefem.bench import BENCHMARKS, benchmark
-from needlefem.cli.common import say, say_json
-from needlefem.output.files import write_json, write_text
+from needlefem.cli.common import named, say, say_json
+from needlefem.errors import CaseError
+from needlefem.output.files import probe, write_json, write_text
 from needlefem.output.info import machine
+from needlefem.output.resultfolder import held_by
 from needlefem.output.verification.page import chart_page
 
 
@@ -16,15 +18,35 @@ def main(options: argparse.Namespace) -> int:
         for name, sentence in BENCHMARKS.items():
             say(f"{name:14s}{sentence}")
         return 0
-    table = benchmark(options.benchmark)(options.case)
+    run = benchmark(options.benchmark)
+    folder = None if options.out is None else Path(named(options.out))
+    if folder is not None:
+        _free(folder, options.benchmark)
+    table = run(options.case)
     record = {"benchmark": options.benchmark, **table.record(), "machine": machine()}
+    if folder is not None:
+        (folder / f"{options.benchmark}.html").unlink(missing_ok=True)
+        write_json(folder / f"{options.benchmark}.json", record)
+        if table.charts:
+            write_text(folder / f"{options.benchmark}.html", chart_page(table.title, table.charts))
     if options.json:
         say_json(record)
     else:
         say(table.text())
-    if options.out:
-        folder = Path(options.out)
-        write_json(folder / f"{options.benchmark}.json", record)
-        if table.charts:
-            write_text(folder / f"{options.benchmark}.html", chart_page(table.title, table.charts))
     return 0 if table.passed else 1
+
+
+def _free(folder: Path, name: str) -> None:
+    """Refuse, before anything is measured, a folder that can't be written or has other files.
+
+    The results of several benchmarks may lie in one folder.
+    """
+    held = held_by(folder)
+    if held is not None:
+        problem = f"'{folder}' holds the result of '{held}'"
+        raise CaseError("--out", problem, "give another folder, or remove it")
+    page, data = folder / f"{name}.html", folder / f"{name}.json"
+    if page.exists() and not data.exists():
+        raise CaseError("--out", f"'{page}' is no result of this command", "give another folder")
+    probe(data)
+    probe(page)

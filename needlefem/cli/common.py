@@ -1,14 +1,18 @@
 """What the commands share."""
 
+import argparse
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from needlefem.cli import streams
+from needlefem.errors import CaseError, NoRendererError
 from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
 from needlefem.output.files import to_json
+from needlefem.output.resultfolder import result_folder
 
 if TYPE_CHECKING:
     from needlefem.planning.result import Plan
@@ -17,9 +21,7 @@ GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
 """How a motion ends that did what it was told."""
 
 
-def say(text: str) -> None:
-    """Print a text on standard output."""
-    sys.stdout.write(text + "\n")
+say = streams.say
 
 
 def say_json(record: Any) -> None:
@@ -30,7 +32,36 @@ def say_json(record: Any) -> None:
 def warn(warnings: Any) -> None:
     """Print warnings on standard error, a line each."""
     for sentence in warnings:
-        sys.stderr.write(f"warning: {sentence}\n")
+        streams.tell(f"warning: {sentence}")
+
+
+def result_of(options: argparse.Namespace, command: str) -> AbstractContextManager[Any]:
+    """Return the locked folder of ``--out`` as a context, or one of None without that option.
+
+    Raises
+    ------
+    CaseError
+        The option is empty, or the folder holds another result.
+    OutputError
+        The folder can't be made or written.
+    """
+    return nullcontext(None) if options.out is None else result_folder(named(options.out), command)
+
+
+def undrawn(draw: Callable[[], object]) -> NoRendererError | None:
+    """Draw the pictures of a result that is written; return the error where nothing can draw."""
+    try:
+        draw()
+    except NoRendererError as error:
+        return error
+    return None
+
+
+def named(path: str, option: str = "--out") -> str:
+    """Return the path that an option gives, or refuse an empty one."""
+    if not path.strip():
+        raise CaseError(option, f"'{path}' is no name", "give a path")
+    return path
 
 
 @contextmanager

@@ -4,17 +4,21 @@ import argparse
 from pathlib import Path
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import say, say_json
+from needlefem.cli.common import named, say, say_json
 from needlefem.output.driver import renderer
 from needlefem.output.figures.page import draw_figures
+from needlefem.output.files import probe
 
 
 def main(options: argparse.Namespace) -> int:
     """Draw the paper's figures of a case and write their page; return the exit status."""
     renderer()  # before anything is simulated
     scene = load_case(options.case, options.overrides)
-    page = Path(options.out) / "figures.md"
-    figures = draw_figures(scene, page, Path(options.out) / "pictures")
+    folder = Path(named(options.out))
+    page, pictures = folder / "figures.md", folder / "pictures"
+    for path in (page, pictures / "figure-1.webp"):  # before anything is simulated
+        probe(path)
+    figures = draw_figures(scene, page, pictures)
     if options.json:
         rows = [
             {"figure": f.number, "quantity": name, "paper": paper, "here": here}

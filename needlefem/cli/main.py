@@ -1,20 +1,22 @@
 """``needlefem COMMAND``: arguments, dispatch, exit statuses.
 
 0 done, 1 a check or expectation failed, 2 usage or case error, 3 the simulation could not go on,
-4 no renderer.
+was interrupted, or a file could not be written, 4 no renderer.
 """
 
 import argparse
 import gc
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from typing import NoReturn
 
-from needlefem.cli import newoptions
-from needlefem.errors import NeedlefemError
+from needlefem.cli import newoptions, streams
+from needlefem.errors import NeedlefemError, OutputError
 
 COMMANDS = {
     "new": "begin a case from contours, a label map or a mesh",
@@ -37,13 +39,29 @@ def process() -> NoReturn:
     through, nor is anything freed one by one.
     """
     gc.disable()
+    streams.open_missing()
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, partial(_stop, os.getpid()))
     try:
         status = main(imported=_spared)
-        sys.stdout.flush()
-        sys.stderr.flush()
-    except BrokenPipeError:  # whoever read has read enough
-        status = 1
+    except SystemExit as stop:  # help was asked for, or the arguments can't be used
+        status = stop.code if isinstance(stop.code, int) else 0
+    try:
+        streams.flush()
+    except OutputError as error:
+        streams.tell(f"needlefem: {error}")
+        status = error.exit_status
     os._exit(status)
+
+
+def _stop(owner: int, number: int, _: object) -> None:
+    """Stop the command as Ctrl-C does, so that it removes what it has half written."""
+    if os.getpid() != owner:  # a process of a pool, which is stopped in this way
+        signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+    raise KeyboardInterrupt(f"stopped by {signal.Signals(number).name}")
 
 
 def _spared() -> None:
@@ -59,21 +77,38 @@ def main(
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     given = sys.argv[1:] if arguments is None else arguments
-    options = parser_of(given).parse_args(given)
+    debug = "--debug" in given
     try:
+        options = parser_of(given).parse_args(given)
         if options.allow_code:
             import_module("needlefem.foreign").allow()
         command = import_module(f"needlefem.cli.{options.command}")
         imported()
         return int(command.main(options))
     except NeedlefemError as error:
-        if options.debug:
-            traceback.print_exc()
-        sys.stderr.write(f"needlefem: {error}\n")
-        return error.exit_status
-    except KeyboardInterrupt:
-        sys.stderr.write("needlefem: interrupted\n")
-        return 3
+        return _failed(str(error), error.exit_status, debug=debug)
+    except KeyboardInterrupt as stop:
+        return _failed(str(stop) or "interrupted", 3, debug=debug)
+    except MemoryError as error:
+        return _failed(f"the memory does not suffice: {error}".rstrip(": "), 3, debug=debug)
+    except OSError as error:
+        return _failed(_sentence(error), 3, debug=debug)
+
+
+def _failed(sentence: str, status: int, *, debug: bool) -> int:
+    """Say why the command ends early, and leave nothing half written; return the exit status."""
+    if debug:
+        traceback.print_exc()
+    files = sys.modules.get("needlefem.output.files")
+    if files is not None:
+        files.discard_parts()
+    streams.tell(f"needlefem: {sentence}")
+    return status
+
+
+def _sentence(error: OSError) -> str:
+    reason = (error.strerror or str(error) or type(error).__name__).lower()
+    return f"'{error.filename}': {reason}" if error.filename else reason
 
 
 def parser_of(given: Sequence[str] = ()) -> argparse.ArgumentParser:

@@ -8,20 +8,41 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import say, say_json
+from needlefem.cli.common import result_of, say, say_json, undrawn
 from needlefem.dynamics import TissueSystem, critical_step
 from needlefem.dynamics.modes import modes
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, NoRendererError
 from needlefem.fem.build import build_model
 from needlefem.output.files import write_json
+from needlefem.output.resultfolder import ResultFolder
 from needlefem.output.vtu import write_vtu
 from needlefem.resolve import resolve
+from needlefem.scene import Scene
 from needlefem.table import Table
+
+PICTURE = "modes.png"
 
 
 def main(options: argparse.Namespace) -> int:
     """Find the lowest modes, print, write; return the exit status."""
     scene = resolve(load_case(options.case, options.overrides)).scene
+    with result_of(options, "modes") as result:
+        record, missing = _found(options, scene, result)
+    if options.json:
+        say_json(record)
+    else:
+        say(_table(record).text())
+        if result is not None and not options.no_pictures and missing is None:
+            say(f"wrote {result.path / PICTURE}")
+    if missing is not None:
+        raise missing
+    return 0
+
+
+def _found(
+    options: argparse.Namespace, scene: Scene, result: ResultFolder | None
+) -> tuple[dict[str, Any], NoRendererError | None]:
+    """Return the record of the modes, written, and why there is no picture, if that is so."""
     model = build_model(scene, floating=options.free)
     if not 0 < options.count < len(model.free_dofs) // 2:
         remedy = f"give 1 to {len(model.free_dofs) // 2 - 1}"
@@ -37,20 +58,16 @@ def main(options: argparse.Namespace) -> int:
         "frequencies": list(hertz),
         "critical_steps": _limits(system),
     }
-    if options.json:
-        say_json(record)
-    else:
-        say(_table(record).text())
-    if options.out:
-        _write(Path(options.out), record, system, shapes)
-        if not options.no_pictures:
-            from needlefem.output.modepictures import draw_modes  # noqa: PLC0415
+    if result is None:
+        return record, None
+    result.begin()
+    _write(result.path, record, system, shapes)
+    if options.no_pictures:
+        return record, None
+    from needlefem.output.modepictures import draw_modes  # noqa: PLC0415
 
-            fields = [system.nodal(shape) for shape in shapes.T]
-            path = draw_modes(scene, model, hertz, fields, Path(options.out) / "modes.png")
-            if not options.json:
-                say(f"wrote {path}")
-    return 0
+    fields = [system.nodal(shape) for shape in shapes.T]
+    return record, undrawn(lambda: draw_modes(scene, model, hertz, fields, result.path / PICTURE))
 
 
 def _limits(system: TissueSystem) -> dict[str, float]:

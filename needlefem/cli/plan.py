@@ -5,7 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import centimetres, progress, release_lines, say, say_json, warn
+from needlefem.cli.common import (
+    centimetres,
+    progress,
+    release_lines,
+    result_of,
+    say,
+    say_json,
+    undrawn,
+    warn,
+)
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
@@ -22,29 +31,40 @@ def main(options: argparse.Namespace) -> int:
 
         return planpaper.main(options)
     scene = load_case(options.case, options.overrides)
-    with progress("planning") as watch:
-        found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
-    record = with_scanner(origin(scene) | plan_record(found), scene)
-    expected = compare(scene.expect, record, "plan", scene.axes)
-    record["expect"] = None if expected is None else expected.record()
+    pictures: list[Path] = []
+    missing = None
+    with result_of(options, "plan") as result:
+        with progress("planning") as watch:
+            found = plan(
+                scene, search=options.search, all_solutions=options.all_solutions, watch=watch
+            )
+        record = with_scanner(origin(scene) | plan_record(found), scene)
+        expected = compare(scene.expect, record, "plan", scene.axes)
+        record["expect"] = None if expected is None else expected.record()
+        if result is not None:
+            result.begin()
+            write_json(result.path / "plan.json", record)
+            if not options.no_pictures:
+                missing = undrawn(lambda: pictures.extend(_draw(found, result.path)))
     if options.json:
         say_json(record)
     else:
         _summary(scene, found, record)
         if expected is not None:
             say("\n" + expected.text())
-    if options.out:
-        folder = Path(options.out)
-        write_json(folder / "plan.json", record)
-        if not options.no_pictures:
-            from needlefem.output.planpictures import draw_plan  # noqa: PLC0415
-
-            for path in draw_plan(found.insertion.scene, found, folder):
-                if not options.json:
-                    say(f"wrote {path}")
+        for path in pictures:
+            say(f"wrote {path}")
+    if missing is not None:
+        raise missing
     if found.status is not PlanStatus.PLANNED:
         return 3
     return 0 if expected is None or expected.passed else 1
+
+
+def _draw(found: Plan, folder: Path) -> list[Path]:
+    from needlefem.output.planpictures import draw_plan  # noqa: PLC0415
+
+    return draw_plan(found.insertion.scene, found, folder)
 
 
 def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:

@@ -1,11 +1,10 @@
 """``needlefem plan --method paper``: the paper's own method beside ours."""
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import progress, release_lines, say, say_json, warn
+from needlefem.cli.common import progress, release_lines, result_of, say, say_json, warn
 from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime
 from needlefem.output.files import write_json
@@ -13,7 +12,7 @@ from needlefem.output.records import origin, plan_record
 from needlefem.output.scanner import with_scanner
 from needlefem.planning.paper import Drifted, Timed, drift, own_plan, paper_plan
 from needlefem.planning.result import PlanStatus
-from needlefem.scene import BoxMesh
+from needlefem.scene import BoxMesh, Scene
 from needlefem.table import Table
 
 
@@ -25,6 +24,20 @@ def main(options: argparse.Namespace) -> int:
     if options.all_solutions:
         raise CaseError("--all-solutions", "is for our own method", "leave it out")
     scene = load_case(options.case, options.overrides)
+    with result_of(options, "plan") as result:
+        record, paper, tables = _planned(scene)
+        if result is not None:
+            result.begin()
+            write_json(result.path / "plan.json", record)
+    if options.json:
+        say_json(record)
+    else:
+        _summary(scene.title, paper, tables)
+    return 0 if paper.plan.status is PlanStatus.PLANNED else 3
+
+
+def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
+    """Return the record of both plans, the paper's plan, and the tables to print."""
     with progress("planning") as watch:
         paper = paper_plan(scene, watch=watch)
     ours = own_plan(scene)
@@ -39,14 +52,7 @@ def main(options: argparse.Namespace) -> int:
         "ours": plan_record(ours.plan) | {"seconds": ours.seconds},
         "drift": tables[1].record()["rows"],
     }
-    record = with_scanner(record, scene)
-    if options.json:
-        say_json(record)
-    else:
-        _summary(scene.title, paper, tables)
-    if options.out:
-        write_json(Path(options.out) / "plan.json", record)
-    return 0 if paper.plan.status is PlanStatus.PLANNED else 3
+    return with_scanner(record, scene), paper, tables
 
 
 def _summary(title: str, paper: Timed, tables: list[Table]) -> None:

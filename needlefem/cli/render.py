@@ -3,11 +3,12 @@
 import argparse
 from pathlib import Path
 
-from needlefem.cli.common import GOOD, progress, say, say_json, warn
+from needlefem.cli.common import GOOD, named, progress, say, say_json, warn
 from needlefem.cli.replay import replay, scene_of
 from needlefem.errors import CaseError
 from needlefem.output.driver import renderer
-from needlefem.output.images import MOVING
+from needlefem.output.files import probe
+from needlefem.output.images import MOVING, STILLS, require_kind
 from needlefem.output.quantities import quantity
 from needlefem.output.render import Shot, animate, panels, render
 from needlefem.output.setuppicture import draw_setup
@@ -20,7 +21,10 @@ def main(options: argparse.Namespace) -> int:
     shot = Shot(field=options.field, texture=options.texture, size=_size(options.size))
     if options.field:
         quantity(options.field)
-    path = Path(options.out)
+    path = Path(named(options.out))
+    still = options.setup or options.panels or options.time or options.depth
+    require_kind(path, STILLS if still else tuple(dict.fromkeys((*STILLS, *MOVING))))
+    probe(path)
     if options.setup:
         draw_setup(scene_of(options.case, options.overrides), path, size=shot.size)
     else:

@@ -5,7 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import GOOD, centimetres, progress, say, say_json, warn
+from needlefem.cli.common import (
+    GOOD,
+    centimetres,
+    progress,
+    result_of,
+    say,
+    say_json,
+    undrawn,
+    warn,
+)
+from needlefem.errors import NoRendererError
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.path import Path as CutPath
 from needlefem.insertion.path import Reach
@@ -24,20 +34,46 @@ from needlefem.output.records import (
     released_record,
     seed_record,
 )
+from needlefem.output.resultfolder import ResultFolder
 from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.output.snapshots import write_snapshots
 from needlefem.planning.making import checked
+from needlefem.scene import Scene
+from needlefem.table import Table
 
 
 def main(options: argparse.Namespace) -> int:
     """Let the needle do what the case says, print, write; return the exit status."""
     scene = load_case(options.case, options.overrides)
-    folder = Path(options.out) if options.out else None
+    with result_of(options, "run") as result:
+        insertion, record, expected = _moved(scene, result)
+        undrawn = None if result is None else _write(insertion, record, result.path, options)
+    if options.json:
+        say_json(record)
+    else:
+        _summary(record, scene.title)
+        warn(record["warnings"])
+        if expected is not None:
+            say("\n" + expected.text())
+    if undrawn is not None:
+        raise undrawn
+    if insertion.outcome.status not in GOOD:
+        return 3
+    return 0 if expected is None or expected.passed else 1
+
+
+def _moved(
+    scene: Scene, result: ResultFolder | None
+) -> tuple[Insertion, dict[str, Any], Table | None]:
+    """Return what the needle does, its record, and the table of expectations."""
     with progress("moving") as watch:
         simulation = Simulation(scene)
         checked(simulation)
         course = simulation.course(simulation.entry_of_case())
-        states = course.iterate() if folder is None else recorded(course, History(folder=folder))
+        states = course.iterate()
+        if result is not None:
+            result.begin()
+            states = recorded(course, History(folder=result.path))
         kept = []
         for state in states:
             kept.append(state)
@@ -48,23 +84,24 @@ def main(options: argparse.Namespace) -> int:
     record = with_scanner(record | _measures(simulation, insertion), scene)
     expected = compare(scene.expect, record, "run", scene.axes)
     record["expect"] = None if expected is None else expected.record()
-    if options.json:
-        say_json(record)
-    else:
-        _summary(record, scene.title)
-        warn(record["warnings"])
-        if expected is not None:
-            say("\n" + expected.text())
-    if folder is not None:
-        write_json(folder / "run.json", record)
-        if options.snapshots:
-            write_snapshots(insertion, folder, options.snapshots)
-        if not options.no_pictures:
-            draw_forces(insertion, folder / "forces.png")
-            draw_sticking(insertion, folder / "sticking.png")
-    if insertion.outcome.status not in GOOD:
-        return 3
-    return 0 if expected is None or expected.passed else 1
+    return insertion, record, expected
+
+
+def _write(
+    insertion: Insertion, record: dict[str, Any], folder: Path, options: argparse.Namespace
+) -> NoRendererError | None:
+    """Write what is not written yet; return why there are no pictures, if that is so."""
+    write_json(folder / "run.json", record)
+    if options.snapshots:
+        write_snapshots(insertion, folder, options.snapshots)
+    if options.no_pictures:
+        return None
+    return undrawn(
+        lambda: (
+            draw_forces(insertion, folder / "forces.png"),
+            draw_sticking(insertion, folder / "sticking.png"),
+        )
+    )
 
 
 def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from needlefem.checks.problem import (
     records_of,
     run_problem,
 )
-from needlefem.cli.common import say, say_json
+from needlefem.cli.common import named, say, say_json
 from needlefem.output.files import write_json
+from needlefem.output.resultfolder import result_folder
 from needlefem.output.verification.page import record, write_report
 from needlefem.table import Table
 
@@ -29,6 +30,9 @@ def main(options: argparse.Namespace) -> int:
         from needlefem.cli import qualify  # noqa: PLC0415  (another job, with other imports)
 
         return qualify.main(options)
+    if options.report is not None:
+        with result_folder(named(options.report, "--report"), "verify", "--report"):
+            pass  # found before anything is solved
     folder = Path(options.problems)
     records = read_records(folder)
     problems = load_problems(folder, options.names)
@@ -38,15 +42,20 @@ def main(options: argparse.Namespace) -> int:
         write_json(folder / "records.json", records)
         reports = [judged(r.problem, r.findings, records, r.seconds) for r in reports]
     table = _table(reports, [verdict for report in reports for verdict in report.verdicts])
+    page = _report(options, reports) if options.report else None
     if options.json:
         say_json(record(reports, quick=options.quick))
     else:
         say(table.text())
-    if options.report:
-        page = write_report(Path(options.report), reports, quick=options.quick)
-        if not options.json:
+        if page is not None:
             say(f"report: {page}")
     return 0 if table.passed else 1
+
+
+def _report(options: argparse.Namespace, reports: Sequence[Report]) -> Path:
+    with result_folder(options.report, "verify", "--report") as result:
+        result.begin()
+        return write_report(result.path, reports, quick=options.quick)
 
 
 def _table(reports: Sequence[Report], verdicts: Sequence[Verdict]) -> Table:

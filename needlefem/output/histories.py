@@ -13,6 +13,7 @@ from needlefem.insertion.course import Course
 from needlefem.insertion.result import Event
 from needlefem.insertion.state import State
 from needlefem.output.files import whole_file
+from needlefem.output.resultfolder import result_folder
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -35,26 +36,39 @@ class History:
 def recorded(course: Course, wanted: History) -> Iterator[State]:
     """Pass a motion's states on and write their histories; memory does not grow with them.
 
-    Files are whole when the motion ends, when it is stopped early, and when it fails.
+    Files are whole when the motion ends, when it is stopped early, and when it is interrupted.
+
+    Raises
+    ------
+    CaseError
+        The folder holds another result, or another process is writing there.
+    OutputError
+        The folder can't be written.
     """
-    folder = Path(wanted.folder)
-    with ExitStack() as stack:
-        tables = [
-            stack.enter_context(
-                stack.enter_context(whole_file(folder / name)).open("w", encoding="utf-8")
-            )
-            for name in ("insertion.csv", "events.csv", "shaft.csv")
-        ]
-        writer = _Writer(course, *tables)
-        try:
-            for number, state in enumerate(course.iterate()):
-                writer.state(state)
-                if wanted.every and number % wanted.every == 0:
-                    writer.shaft(state)
-                yield state
-        except GeneratorExit:  # the caller has seen enough
-            pass
-        writer.events()
+    folder, stopped = Path(wanted.folder), None
+    with result_folder(folder, "run", "folder") as result:
+        result.begin()
+        with ExitStack() as stack:
+            tables = [
+                stack.enter_context(
+                    stack.enter_context(whole_file(folder / name)).open("w", encoding="utf-8")
+                )
+                for name in ("insertion.csv", "events.csv", "shaft.csv")
+            ]
+            writer = _Writer(course, *tables)
+            try:
+                for number, state in enumerate(course.iterate()):
+                    writer.state(state)
+                    if wanted.every and number % wanted.every == 0:
+                        writer.shaft(state)
+                    yield state
+            except GeneratorExit:  # the caller has seen enough
+                pass
+            except KeyboardInterrupt as stop:  # what there is until then is worth keeping
+                stopped = stop
+            writer.events()
+        if stopped is not None:
+            raise stopped
 
 
 class _Writer:

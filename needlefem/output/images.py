@@ -40,7 +40,7 @@ def save_still(image: Image, path: Path) -> Path:
     """
     from PIL import Image as Pillow  # noqa: PLC0415  (comes with the pictures)
 
-    _known(path, STILLS)
+    require_kind(path, STILLS)
     shown = Pillow.fromarray(image)
     if path.suffix == ".png":  # a palette halves the file
         cover = Pillow.Quantize.MAXCOVERAGE
@@ -70,14 +70,15 @@ def save_moving(frames: Iterable[Image], path: Path, rate: float) -> Path:
     NoRendererError
         MP4 without the extra `video`.
     """
-    _known(path, MOVING)
+    require_kind(path, MOVING)
     writer = _write_video if path.suffix == ".mp4" else _write_pillow
     with whole_file(path) as part:
         writer(iter(frames), part, rate)
     return path
 
 
-def _known(path: Path, kinds: tuple[str, ...]) -> None:
+def require_kind(path: Path, kinds: tuple[str, ...]) -> None:
+    """Raise a `CaseError` where a file's name ends in none of some kinds."""
     if path.suffix not in kinds:
         options = ", ".join(kinds)
         raise CaseError("--out", f"'{path.name}' is no picture of this kind", f"use {options}")

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
 
@@ -14,6 +13,7 @@ from needlefem.dynamics.memory import Memory
 from needlefem.errors import NeedlefemError
 from needlefem.fem.interpolation import Weights
 from needlefem.output.files import whole_file, write_json
+from needlefem.output.resultfolder import result_folder
 from needlefem.output.vtu import write_pvd, write_vtu
 
 
@@ -47,23 +47,31 @@ def recorded(motions: Iterator[Motion], stepper: Stepper, wanted: Recording) -> 
     ------
     OutsideError
         A point is not in the tissue.
+    CaseError
+        The folder holds another result, or another process is writing there.
+    OutputError
+        The folder can't be written.
     """
-    recorder, failure = _Recorder(stepper, wanted), None
-    with ExitStack() as stack:
-        part = stack.enter_context(whole_file(recorder.folder / "motion.csv"))
-        table = stack.enter_context(part.open("w", encoding="utf-8"))
-        table.write(",".join(recorder.header()) + "\n")
-        try:
-            for number, motion in enumerate(motions, 1):
-                recorder.keep(number, motion, table)
-                yield motion
-        except GeneratorExit:  # the caller has seen enough
-            pass
-        except NeedlefemError as error:  # what there is until then is worth keeping
-            failure = error
-    recorder.finish("completed" if failure is None else str(failure))
-    if failure is not None:
-        raise failure
+    recorder = _Recorder(stepper, wanted)
+    failure: BaseException | None = None
+    with result_folder(recorder.folder, "motion", "folder") as folder:
+        folder.begin()
+        with (
+            whole_file(recorder.folder / "motion.csv") as part,
+            part.open("w", encoding="utf-8") as table,
+        ):
+            table.write(",".join(recorder.header()) + "\n")
+            try:
+                for number, motion in enumerate(motions, 1):
+                    recorder.keep(number, motion, table)
+                    yield motion
+            except GeneratorExit:  # the caller has seen enough
+                pass
+            except (NeedlefemError, KeyboardInterrupt) as stop:  # what there is is worth keeping
+                failure = stop
+        recorder.finish("completed" if failure is None else str(failure) or "interrupted")
+        if failure is not None:
+            raise failure
 
 
 class _Recorder:

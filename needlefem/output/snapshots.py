@@ -6,7 +6,9 @@ import numpy as np
 
 from needlefem.fem.cellvalues import CellValues
 from needlefem.insertion.result import Insertion
+from needlefem.output.files import writing
 from needlefem.output.film import Film
+from needlefem.output.resultfolder import ours, result_folder
 from needlefem.output.vtu import write_pvd, write_vtu
 
 DIGITS = 4
@@ -31,14 +33,27 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
     values = CellValues(model)
     written = []
     times = np.linspace(0.0, float(film.times[-1]), max(count, 2))
-    for number, moment in enumerate(film.moments(times)):
-        file = folder / "insertion" / f"{number:0{DIGITS}d}.vtu"
-        cells = {
-            "largest_strain": values.largest_strain(moment.u),
-            "material": model.cell_materials.astype(np.int32),
-        }
-        write_vtu(file, model, {"displacement": model.nodal(moment.u)}, cells)
-        written.append((moment.time, file))
-    path = folder / "insertion.pvd"
-    write_pvd(path, written)
+    with result_folder(folder, "run", "folder"):
+        _remove_older(folder)
+        for number, moment in enumerate(film.moments(times)):
+            file = folder / "insertion" / f"{number:0{DIGITS}d}.vtu"
+            cells = {
+                "largest_strain": values.largest_strain(moment.u),
+                "material": model.cell_materials.astype(np.int32),
+            }
+            write_vtu(file, model, {"displacement": model.nodal(moment.u)}, cells)
+            written.append((moment.time, file))
+        path = folder / "insertion.pvd"
+        write_pvd(path, written)
     return path
+
+
+def _remove_older(folder: Path) -> None:
+    """Remove the snapshots that a file of an earlier call lists."""
+    path = folder / "insertion.pvd"
+    if path.is_file():
+        with writing(folder):
+            path.unlink()
+            for file in ours(folder, "run"):
+                if file.endswith(".vtu"):
+                    (folder / file).unlink()

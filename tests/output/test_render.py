@@ -179,7 +179,7 @@ def test_own_image_covers_the_tissue(pushed: Insertion, tmp_path: Path) -> None:
     black = np.flatnonzero(grey[100] < 20)
     assert black.size > 50
     assert black.max() < 170
-    with pytest.raises(CaseError, match="texture: 'none.png' can't be read"):
+    with pytest.raises(CaseError, match="texture: can't read 'none.png'"):
         render(pushed, tmp_path / "p.png", shot=Shot(texture="none.png"))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from needlefem.errors import SimulationError
 from needlefem.output.figures.targets import draw_moved_target, draw_targets_hit
 from needlefem.output.figures.turning import draw_turning
 from needlefem.output.files import write_text
@@ -62,12 +63,12 @@ def draw_figures(scene: Scene, page: Path, folder: Path) -> list[Figure]:
 
     Raises
     ------
-    ValueError
+    SimulationError
         The scene's plan has no release.
     """
     found = plan(scene)
     if found.best is None or found.unplanned is None or found.depth_only is None:
-        raise ValueError("without a release there are no figures")
+        raise SimulationError(f"no figures without a release: {found.sentence}")
     depth = _depth(found.unplanned, found)
     draw_stages(scene, found, folder / "figure-1.webp", ultrasound=True)
     angle = draw_turning(found.level, depth, folder / "figure-3.png")
