@@ -1,7 +1,7 @@
 """A folder for the result of one command: locked while it is written, without older files.
 
-A hidden file says which command's result is in the folder and whether it is complete, so that a
-result whose command was interrupted, or is still at work, is not taken for a whole one.
+Until the result is complete a hidden file says which command's it is, so that a result whose
+command was interrupted, or is still at work, is not taken for a whole one.
 """
 
 import errno
@@ -22,10 +22,10 @@ fcntl: Any = import_module("fcntl") if os.name == "posix" else None
 """Locks; without them, on Windows, simultaneous runs are not told apart."""
 
 MARK = ".needlefem.json"
-"""File that says what is in a folder."""
+"""File that says what is in a folder whose result is not complete."""
 LOCK = ".needlefem.lock"
 """File that is locked by the process that writes; its content is the process' number."""
-RUNNING, COMPLETE, STOPPED = "running", "complete", "stopped"
+RUNNING, STOPPED = "running", "stopped"
 INNER = ("insertion", "motion")
 """Folders for snapshots."""
 PICTURE = r"(png|webp|jpg)"
@@ -40,14 +40,15 @@ FILES = {
     "verify": (r"verification\.(json|html)",),
 }  # fmt: skip
 """Patterns of the files that a command writes, relative to its folder."""
-MAIN = {
+TOLD_BY = {
     "plan.json": ("plan", b'"release_point"'),
     "run.json": ("run", b'"puncture_depth"'),
     "modes.json": ("modes", b'"critical_steps"'),
     "motion.json": ("motion", b'"duration"'),
     "verification.json": ("verify", b'"problems"'),
+    "insertion.csv": ("run", b"time [s],depth [m],speed [m/s],tip,"),
 }
-"""Files with what a command prints, the command, and a key that a file of another origin lacks."""
+"""Files that tell a command's result, the command, and what files of other origin do not hold."""
 
 
 class ResultFolder:
@@ -74,21 +75,29 @@ class ResultFolder:
         if old and held_by(self.path) is None:
             problem = f"'{self.path}' holds '{old[0]}', which is no result of this command"
             raise CaseError(self.key, problem, "give another folder")
+        self._mark(RUNNING)  # before anything is removed
+        self.begun = True
         with writing(self.path):
             for name in old:
                 (self.path / name).unlink(missing_ok=True)
             for place in INNER:
                 with suppress(OSError):  # it is not there, or has files of the user's
                     (self.path / place).rmdir()
-        self.begun = True
-        self.mark(RUNNING)
 
-    def mark(self, status: str) -> None:
-        """Say what is in the folder, and whether it is complete; nothing before it is begun."""
+    def _mark(self, status: str) -> None:
+        record = {"command": self.command, "status": status}
+        write_text(self.path / MARK, json.dumps(record) + "\n")
+
+    def end(self, *, complete: bool) -> None:
+        """Let a result that was begun be taken for a whole one, or for one that is not."""
         if not self.begun:
             return
-        record = {"command": self.command, "status": status, "files": ours(self.path, self.command)}
-        write_text(self.path / MARK, json.dumps(record, indent=1) + "\n")
+        if not complete:
+            with suppress(OutputError):  # what stopped the command may be a full disk
+                self._mark(STOPPED)
+            return
+        with writing(self.path):
+            (self.path / MARK).unlink(missing_ok=True)
 
 
 _open: dict[tuple[Path, int], ResultFolder] = {}
@@ -137,12 +146,11 @@ def result_folder(path: str | Path, command: str, key: str = "--out") -> Iterato
             try:
                 yield found
             except BaseException:
-                with suppress(OutputError):  # what stopped the command may be a full disk
-                    found.mark(STOPPED)
+                found.end(complete=False)
                 raise
             finally:
                 del _open[own]
-            found.mark(COMPLETE)
+            found.end(complete=True)
     finally:
         for above in made:  # nothing is left of a command that was refused
             with suppress(OSError):
@@ -226,7 +234,7 @@ def held_by(folder: Path) -> str | None:
     said = (mark_of(folder) or {}).get("command")
     if said in FILES:
         return str(said)
-    for name, (command, key) in MAIN.items():
+    for name, (command, key) in TOLD_BY.items():
         with suppress(OSError):
             if (folder / name).is_file() and key in (folder / name).read_bytes():
                 return command

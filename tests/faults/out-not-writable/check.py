@@ -72,9 +72,9 @@ def test_standard_output_that_is_full_or_closed(folder, run):
     assert found.returncode == 3
     assert found.stderr == "needlefem: can't write to standard output: no space left on device\n"
     assert needlefem.load_result("o")["status"] == "completed"
-    piped = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    piped.stdout.close()  # whoever read has read enough: the results are written all the same
-    assert piped.stderr.read() == b""
-    assert piped.wait() == 0
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:
+        piped.stdout.close()  # whoever read has read enough: the results are written all the same
+        assert piped.stderr.read() == b""
+        assert piped.wait() == 0
     closed = subprocess.run(["sh", "-c", '"$@" >&- 2>&-', "sh", *command], check=False)
     assert closed.returncode == 0

@@ -26,7 +26,7 @@ def test_files_of_an_earlier_result_are_removed(folder, run):
     assert Path("o/insertion/0002.vtu").exists()
     assert run("run", "case.toml", *OTHER)[0] == 0
     assert names(Path("o")) == sorted(
-        [".needlefem.json", "run.json", "insertion.csv", "events.csv", "shaft.csv", "notes.txt",
+        ["run.json", "insertion.csv", "events.csv", "shaft.csv", "notes.txt",
          "insertion/mine.vtu", "forces.pdf", "x.csv"]
     )  # fmt: skip
     needlefem.load_result("o")
