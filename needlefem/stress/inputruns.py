@@ -25,8 +25,12 @@ MOST_LINES, MOST_CHARACTERS = 2, 800
 """Of a message."""
 STATUSES = (0, 1, 2, 3, 4)
 CANARY = CODE.partition(":")[0]
-FOREIGN = re.compile(r"Warning:|^\s*File \"|vtk|kwarg |ERROR|HDF5", re.MULTILINE)
+FOREIGN = re.compile(r"Warning:|^\s*File \"|vtk[A-Z]|kwarg |ERROR|Error:|HDF5")
 """What lines of dependencies have in them that reach the user."""
+CACHES = (str(Path.home() / ".config"), str(Path.home() / ".cache"))
+"""Folders in which dependencies keep what they found out about the machine."""
+HELPERS = (sys.executable, "xset")
+"""Programs that drawing starts: the renderer is tried in a process of its own."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -188,7 +192,7 @@ def _run(command_line: CommandLine, arguments: Sequence[str], folder: Path) -> _
     _watch_files()
     with contextlib.chdir(folder / "in"), _captured(folder) as caught:
         sys.path.insert(0, str(folder / "in"))
-        _WATCH.allowed = (str(folder / "out"), str(temporary))
+        _WATCH.allowed = (str(folder / "out"), str(temporary), *_wanted(arguments), *CACHES)
         try:
             said.status = _command(command_line, arguments)
         except SystemExit as end:
@@ -202,6 +206,13 @@ def _run(command_line: CommandLine, arguments: Sequence[str], folder: Path) -> _
             del os.environ["TMPDIR"]
     said.output, said.errors = caught
     return said
+
+
+def _wanted(arguments: Sequence[str]) -> list[str]:
+    """Return the place that ``--out`` names, which need not be one to write to."""
+    if "--out" not in arguments:
+        return []
+    return [os.path.abspath(arguments[arguments.index("--out") + 1])]  # noqa: PTH100  (no links)
 
 
 def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
@@ -301,8 +312,8 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
         inside = any(full == folder or full.startswith(folder + os.sep) for folder in allowed)
         if not inside and full != os.devnull:
             _WATCH.written.append(full)
-    elif event == "subprocess.Popen" and arguments[0] == sys.executable:
-        return  # the renderer is tried in a process of its own
+    elif event == "subprocess.Popen" and arguments[0] in HELPERS:
+        return
     elif event in ("os.system", "os.exec", "os.posix_spawn", "subprocess.Popen", "socket.connect"):
         _WATCH.written.append(f"{event} {arguments[:2]}")
 
@@ -338,7 +349,7 @@ def _message_faults(said: _Said) -> Iterator[Fault]:
         yield Fault(requirement="two lines", detail=detail)
     elif said.status not in (0, 1) and not text:
         yield Fault(requirement="a message", detail=f"none with status {said.status}")
-    odd = FOREIGN.search(said.errors) or FOREIGN.search(said.output)
-    if odd is not None:
-        detail = (said.errors + said.output)[max(odd.start() - 200, 0) : odd.end() + 200]
-        yield Fault(requirement="no lines of dependencies", detail=detail)
+    lines = [*told, *said.output.splitlines()]
+    odd = [line for line in lines if FOREIGN.search(line) and not line.startswith("needlefem:")]
+    if odd:
+        yield Fault(requirement="no lines of dependencies", detail="\n".join(odd[:5])[:600])
