@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
-    ["arrays", "errors", "table", "shown"],
+    ["arrays", "errors", "table", "shown", "progress"],
     ["units", "knobs", "inputfile", "tomltext"],
     ["validation"],
     ["contour", "foreign", "frame"],

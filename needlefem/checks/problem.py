@@ -11,6 +11,7 @@ from pathlib import Path
 from needlefem.checks.race import Race
 from needlefem.errors import CaseError, nearest
 from needlefem.fem.statics import Solution
+from needlefem.progress import doing
 
 RECORD_TOLERANCE = 1e-8
 """Change against the own record, relative, that counts as a change of the code."""
@@ -204,6 +205,7 @@ class Report:
 
 def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool = False) -> Report:
     """Run a problem and judge every answer against reference and own record."""
+    doing(problem.name)
     start = time.perf_counter()
     findings = problem.run(quick)
     return judged(problem, findings, records, time.perf_counter() - start)

@@ -1,9 +1,8 @@
 """What the commands share."""
 
 import argparse
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from needlefem.cli import streams
@@ -13,6 +12,7 @@ from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
 from needlefem.output.files import to_json
 from needlefem.output.resultfolder import result_folder
+from needlefem.progress import doing
 
 if TYPE_CHECKING:
     from needlefem.planning.result import Plan
@@ -64,23 +64,16 @@ def named(path: str, option: str = "--out") -> str:
     return path
 
 
-@contextmanager
-def progress(title: str) -> Iterator[Watch | None]:
-    """Show depth and insertions on a terminal; nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console  # noqa: PLC0415  (only a terminal needs it)
-
+def progress(title: str) -> Watch:
+    """Return what tells depth and number of the insertions to `needlefem.progress`."""
     count = 0
-    with Console(stderr=True).status(title) as status:
 
-        def watch(state: State) -> None:
-            nonlocal count
-            count += state.depth == 0.0
-            status.update(f"{title}: insertion {count}, depth {100 * state.depth:.2f} cm")
+    def watch(state: State) -> None:
+        nonlocal count
+        count += state.depth == 0.0
+        doing(f"{title}, insertion {count}, depth {100 * state.depth:.2f} cm")
 
-        yield watch
+    return watch
 
 
 def centimetres(point: Any) -> str:

@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from needlefem.cli import newoptions, streams
 from needlefem.errors import NeedlefemError, OutputError
+from needlefem.progress import doing, telling
 
 COMMANDS = {
     "new": "begin a case from contours, a label map or a mesh",
@@ -45,7 +46,8 @@ def process() -> NoReturn:
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, partial(_stop, os.getpid()))
     try:
-        status = main(imported=_spared)
+        with telling(_title(sys.argv[1:])):
+            status = main(imported=_spared)
     except SystemExit as stop:  # help was asked for, or the arguments can't be used
         status = stop.code if isinstance(stop.code, int) else 0
     try:
@@ -62,6 +64,12 @@ def _stop(owner: int, number: int, _: object) -> None:
         signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
     raise KeyboardInterrupt(f"stopped by {signal.Signals(number).name}")
+
+
+def _title(arguments: Sequence[str]) -> str:
+    """Return what lines of progress begin with: the command, and which study or benchmark."""
+    words = arguments[: 2 if arguments[:1] in (["study"], ["bench"]) else 1]
+    return " ".join(["needlefem", *(ascii(word)[1:-1] for word in words)])
 
 
 def _spared() -> None:
@@ -82,7 +90,9 @@ def main(
         options = parser_of(given).parse_args(given)
         if options.allow_code:
             import_module("needlefem.foreign").allow()
+        doing("importing")
         command = import_module(f"needlefem.cli.{options.command}")
+        doing("")
         imported()
         return int(command.main(options))
     except NeedlefemError as error:

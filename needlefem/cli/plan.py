@@ -34,10 +34,8 @@ def main(options: argparse.Namespace) -> int:
     pictures: list[Path] = []
     missing = None
     with result_of(options, "plan") as result:
-        with progress("planning") as watch:
-            found = plan(
-                scene, search=options.search, all_solutions=options.all_solutions, watch=watch
-            )
+        watch = progress("planning")
+        found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
         record = with_scanner(origin(scene) | plan_record(found), scene)
         expected = compare(scene.expect, record, "plan", scene.axes)
         record["expect"] = None if expected is None else expected.record()

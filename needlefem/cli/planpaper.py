@@ -38,8 +38,8 @@ def main(options: argparse.Namespace) -> int:
 
 def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
     """Return the record of both plans, the paper's plan, and the tables to print."""
-    with progress("planning") as watch:
-        paper = paper_plan(scene, watch=watch)
+    watch = progress("planning")
+    paper = paper_plan(scene, watch=watch)
     ours = own_plan(scene)
     drifts: list[tuple[Drifted, Drifted]] = []
     if isinstance(scene.mesh, BoxMesh):

@@ -38,9 +38,9 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _draw(options: argparse.Namespace, path: Path, shot: Shot) -> None:
-    with progress("moving") as watch:
-        insertion = replay(options.case, options.overrides, watch)
-        beside = replay(options.beside, options.overrides, watch) if options.beside else None
+    watch = progress("moving")
+    insertion = replay(options.case, options.overrides, watch)
+    beside = replay(options.beside, options.overrides, watch) if options.beside else None
     shown = [found for found in (insertion, beside) if found is not None]
     ends = [found.outcome for found in shown if found.outcome.status not in GOOD]
     warn([f"the motion is shown as far as it goes: {end.sentence}" for end in ends])

@@ -66,20 +66,19 @@ def _moved(
     scene: Scene, result: ResultFolder | None
 ) -> tuple[Insertion, dict[str, Any], Table | None]:
     """Return what the needle does, its record, and the table of expectations."""
-    with progress("moving") as watch:
-        simulation = Simulation(scene)
-        checked(simulation)
-        course = simulation.course(simulation.entry_of_case())
-        states = course.iterate()
-        if result is not None:
-            result.begin()
-            states = recorded(course, History(folder=result.path))
-        kept = []
-        for state in states:
-            kept.append(state)
-            if watch is not None:
-                watch(state)
-        insertion = course.result(tuple(kept))
+    watch = progress("moving")
+    simulation = Simulation(scene)
+    checked(simulation)
+    course = simulation.course(simulation.entry_of_case())
+    states = course.iterate()
+    if result is not None:
+        result.begin()
+        states = recorded(course, History(folder=result.path))
+    kept = []
+    for state in states:
+        kept.append(state)
+        watch(state)
+    insertion = course.result(tuple(kept))
     record = origin(scene) | insertion_record(insertion)
     record = with_scanner(record | _measures(simulation, insertion), scene)
     expected = compare(scene.expect, record, "run", scene.axes)

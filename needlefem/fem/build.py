@@ -12,6 +12,7 @@ from needlefem.fem import mesh as meshes
 from needlefem.fem.fit import fit_to_contour
 from needlefem.fem.meshfile import read_mesh
 from needlefem.fem.model import Model
+from needlefem.progress import doing
 from needlefem.resolve import resolve
 from needlefem.scene import BoxMesh, FileMesh, Scene
 
@@ -22,6 +23,7 @@ THREE_OF_A_TRIANGLE = 6.0**0.5
 
 def build_mesh(scene: Scene) -> SkfemMesh:
     """Return the scene's mesh: box, refined, fitted, with named regions and faces."""
+    doing("building the mesh")
     wanted = scene.mesh
     if isinstance(wanted, FileMesh):
         return _mesh_of_file(scene, wanted)

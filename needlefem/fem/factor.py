@@ -15,6 +15,7 @@ from scipy.sparse.linalg import spilu, splu
 
 from needlefem.arrays import Floats, Ints, Sparse
 from needlefem.errors import SimulationError
+from needlefem.progress import doing
 
 PIVOT = 0.1
 """Least size of a pivot on the diagonal, relative to its column, in indefinite matrices."""
@@ -60,6 +61,7 @@ def factorise(
         The matrix is singular (for CHOLMOD: not positive definite), or has entries that are not
         finite.
     """
+    doing(f"factorising {matrix.shape[0]:,} unknowns")
     if not np.all(np.isfinite(matrix.data)):
         raise SimulationError("the system matrix has entries that are not finite")
     large = matrix.shape[0] >= FEWEST_FOR_CHOLMOD

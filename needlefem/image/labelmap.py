@@ -22,6 +22,7 @@ from needlefem.image.volume import (
     refusal,
     whole,
 )
+from needlefem.progress import doing
 
 MOST_LABELS = 256
 """More different values than that are grey values of an image."""
@@ -93,6 +94,7 @@ def read_labelmap(path: str | Path, space: str = "LPS") -> LabelMap:
         The file can't be read, contradicts itself, is no volume, or holds no labels.
     """
     path = Path(path)
+    doing("reading the label map")
     volume, key = _volume(path)
     axes, spacing = check_geometry(volume, path, key)
     layers = _labels(volume, path)

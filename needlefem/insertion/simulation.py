@@ -25,6 +25,7 @@ from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
+from needlefem.progress import doing
 from needlefem.resolve import Resolved, resolve, stick_warnings
 from needlefem.scene import DYNAMIC, Motion, Scene
 
@@ -271,6 +272,7 @@ class Simulation:
 
     def _run(self, course: Course, stop: Stop | None) -> Insertion:
         states = []
+        doing(f"insertion {self.insertions + 1}")
         for state in course.iterate():
             states.append(state)
             if self._watch is not None:

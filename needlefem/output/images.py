@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.output.files import whole_file
+from needlefem.progress import doing
 
 Image = NDArray[np.uint8]
 """Shape (height, width, 3)."""
@@ -25,6 +26,7 @@ QUALITY = 82
 
 def save(plotter: Any, path: Path) -> Path:
     """Draw what a plotter holds into a file of one of the kinds `STILLS`, and close it."""
+    doing(f"drawing {path.name!a}")
     image = plotter.screenshot(return_img=True)
     plotter.close()
     return save_still(image, path)
@@ -52,6 +54,13 @@ def save_still(image: Image, path: Path) -> Path:
     return path
 
 
+def _counted(frames: Iterable[Image], what: str) -> Iterator[Image]:
+    """Yield frames, and tell how many there are so far."""
+    for number, frame in enumerate(frames, 1):
+        doing(f"{what}, frame {number}")
+        yield frame
+
+
 def save_moving(frames: Iterable[Image], path: Path, rate: float) -> Path:
     """Write frames as they come; memory does not grow with their number but for GIF and WebP.
 
@@ -73,7 +82,7 @@ def save_moving(frames: Iterable[Image], path: Path, rate: float) -> Path:
     require_kind(path, MOVING)
     writer = _write_video if path.suffix == ".mp4" else _write_pillow
     with whole_file(path) as part:
-        writer(iter(frames), part, rate)
+        writer(_counted(frames, f"drawing {path.name!a}"), part, rate)
     return path
 
 

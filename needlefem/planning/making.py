@@ -13,6 +13,7 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.planning.estimate import estimate
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Estimate, Plan
+from needlefem.progress import doing
 
 
 class Clock:
@@ -87,6 +88,7 @@ def make(
     clock.lap("search")
     error = None
     if path or simulation.scene.planning.estimate:
+        doing("estimating what the mesh does to the placement")
         error = estimate(simulation, found, path=path)
         clock.lap("estimate")
     return Made(simulation=simulation, checks=checks, plan=found, estimate=error)
@@ -94,6 +96,7 @@ def make(
 
 def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
     """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
+    doing("checking the mesh")
     checks = [*preflight(simulation.model), needle_resolution(simulation)]
     if simulation.steps:  # a march knows nothing that sticks
         from needlefem.checks.sticking import sticking_pieces  # noqa: PLC0415

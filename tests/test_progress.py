@@ -1,0 +1,49 @@
+"""Long work says what it does, on standard error, from two seconds on."""
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from needlefem import progress
+from tests.conftest import PAPER_CASE
+
+QUICK = """
+import sys
+from needlefem import progress
+progress.FIRST = progress.NEXT = 0.02
+from needlefem.cli.main import process
+sys.argv[1:] = ["plan", sys.argv[1], "--json"]
+process()
+"""
+
+
+def test_short_work_is_silent(capfd: pytest.CaptureFixture[str]) -> None:
+    with progress.telling("needlefem plan"):
+        progress.doing("something quick")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_long_work_is_told(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "FIRST", 0.05)
+    with progress.telling("needlefem plan"):
+        progress.doing("factorising 1,234 unknowns")
+        time.sleep(0.5)
+    told = capfd.readouterr().err.splitlines()
+    assert told == ["needlefem plan: 0 s, factorising 1,234 unknowns"]  # the next is due in 10 s
+    assert progress.activity() == "factorising 1,234 unknowns"
+
+
+def test_json_stays_alone_on_standard_output() -> None:
+    found = subprocess.run(
+        [sys.executable, "-c", QUICK, str(PAPER_CASE)], capture_output=True, text=True, check=True
+    )
+    assert json.loads(found.stdout)["status"] == "planned"
+    told = found.stderr.splitlines()
+    assert told
+    assert all(line.startswith("needlefem plan: ") for line in told)
+    assert any("insertion" in line or "factorising" in line or "mesh" in line for line in told)
