@@ -7,9 +7,10 @@ import numpy as np
 
 from needlefem.arrays import Bools, Floats, Ints, Points
 from needlefem.errors import CaseError
+from needlefem.segments import SegmentTree, meet, turn
 
-PAIRS = 200_000
-"""Pairs of edges that are looked at at once."""
+THIN = 1e-12
+"""A contour encloses nothing when its area is at most this share of its size squared."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -19,15 +20,16 @@ class Contour:
     Parameters
     ----------
     points : array, shape (n, 2), m
-        Corners in order, either way round; a repeated last point is dropped.
+        Corners in order, either way round; a corner that repeats the one before it, or a last
+        one that repeats the first, is dropped.
     """
 
     points: Points
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
-        if len(points) > 1 and np.array_equal(points[0], points[-1]):
-            points = points[:-1]
+        if points.ndim == 2 and len(points) > 1:
+            points = points[np.any(points != np.roll(points, 1, axis=0), axis=1)]
         object.__setattr__(self, "points", points)
 
     def moved(self, offset: Floats) -> "Contour":
@@ -41,31 +43,49 @@ class Contour:
         return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
     @cached_property
+    def _tree(self) -> SegmentTree:
+        return SegmentTree(*self._edges)
+
+    @cached_property
     def _edges(self) -> tuple[Points, Points]:
         return self.points, np.roll(self.points, -1, axis=0)
 
     def contains(self, points: Points) -> Bools:
-        """Say which points, shape (n, 2), lie inside (even-odd rule)."""
+        """Say which points, shape (n, 2), lie inside (even-odd rule).
+
+        A ray to the right meets edges. Of consecutive edges that all lie to the right it meets an
+        even number if both ends of their chain are above the point or both below: most boxes of
+        the tree need no look at their edges.
+        """
         start, end = self._edges
-        near = np.all((points >= start.min(axis=0)) & (points <= start.max(axis=0)), axis=1)
-        found = np.zeros(len(points), dtype=bool)
-        x, y = points[near, 0, None], points[near, 1, None]
-        straddles = (start[:, 1] > y) != (end[:, 1] > y)
-        run = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-        at = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / run
-        found[near] = np.count_nonzero(straddles & (x < at), axis=1) % 2 == 1
-        return found
+        tree, count = self._tree, len(start)
+        x, y = points.T
+        met = np.zeros(len(points), dtype=np.intp)
+
+        def keep(level: int, query: Ints, box: Ints) -> Bools:
+            low, high = (corner[box] for corner in tree.levels[level])
+            beside = (y[query] >= low[:, 1]) & (y[query] <= high[:, 1])
+            right = beside & (x[query] < low[:, 0])
+            first = box[right] << level
+            last = np.minimum(first + (1 << level), count) % count
+            at = y[query[right]]
+            odd = (start[first, 1] > at) != (start[last, 1] > at)
+            np.add.at(met, query[right][odd], 1)
+            found: Bools = beside & ~right & (x[query] <= high[:, 0])
+            return found
+
+        for query, edge in tree.descend(len(points), keep):
+            a, b = start[edge], end[edge]
+            straddles = (a[:, 1] > y[query]) != (b[:, 1] > y[query])
+            run = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+            at = a[:, 0] + (y[query] - a[:, 1]) * (b[:, 0] - a[:, 0]) / run
+            np.add.at(met, query[straddles & (x[query] < at)], 1)
+        inside: Bools = met % 2 == 1
+        return inside
 
     def project(self, points: Points) -> Points:
         """Return the nearest point of the polygon's line for every point, shape (n, 2)."""
-        start, end = self._edges
-        along = end - start
-        length2 = np.maximum(np.einsum("ij,ij->i", along, along), 1e-300)
-        share = np.einsum("nij,ij->ni", points[:, None] - start, along) / length2
-        feet = start + np.clip(share, 0.0, 1.0)[:, :, None] * along
-        nearest = np.argmin(np.sum((feet - points[:, None]) ** 2, axis=2), axis=1)
-        found: Points = feet[np.arange(len(points)), nearest]
-        return found
+        return self._tree.project(points)
 
     def distance(self, points: Points) -> Floats:
         """Return the distance of every point to the polygon's line, shape (n,), m."""
@@ -78,53 +98,96 @@ class Contour:
         Where a segment crosses several times, the crossing nearest to its middle counts.
         """
         start, stop = self._edges
-        d, e = end - begin, stop - start
-        det = d[:, None, 0] * -e[:, 1] + d[:, None, 1] * e[:, 0]
-        rhs = start - begin[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = (rhs[..., 0] * -e[:, 1] + rhs[..., 1] * e[:, 0]) / det
-            other = (d[:, None, 0] * rhs[..., 1] - d[:, None, 1] * rhs[..., 0]) / det
-        hit = (share >= 0) & (share <= 1) & (other >= 0) & (other <= 1)
-        off = np.where(hit, np.abs(share - 0.5), np.inf)
-        best = np.argmin(off, axis=1)
-        rows = np.arange(len(begin))
-        found: Floats = np.where(np.isfinite(off[rows, best]), share[rows, best], np.nan)
+        found = np.full(len(begin), np.nan)
+        nearest = np.full(len(begin), np.inf)
+        for query, edge in self._tree.along(begin, end):
+            d, e = end[query] - begin[query], stop[edge] - start[edge]
+            rhs = start[edge] - begin[query]
+            det = d[:, 0] * -e[:, 1] + d[:, 1] * e[:, 0]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = (rhs[:, 0] * -e[:, 1] + rhs[:, 1] * e[:, 0]) / det
+                other = (d[:, 0] * rhs[:, 1] - d[:, 1] * rhs[:, 0]) / det
+            hit = (share >= 0) & (share <= 1) & (other >= 0) & (other <= 1)
+            off = np.where(hit, np.abs(share - 0.5), np.inf)
+            order = np.lexsort((edge, off, query))
+            first = order[np.flatnonzero(np.diff(query[order], prepend=-1))]
+            first = first[off[first] < nearest[query[first]]]
+            found[query[first]], nearest[query[first]] = share[first], off[first]
         return found
 
     def self_crossing(self) -> tuple[int, int] | None:
-        """Return a pair of edges (their numbers) that cross or touch, or None."""
+        """Return a pair of edges (their numbers) that cross or touch, or None.
+
+        Neighbours touch at their common corner; they count when one goes back over the other.
+        """
         start, end = self._edges
         n = len(start)
-        others = np.arange(n)
-        for first in range(0, n, PAIRS // n + 1):  # as many at once as memory is cheap for
-            edges = np.arange(first, min(first + PAIRS // n + 1, n))[:, None]
-            met = _segments_meet(start[edges], end[edges], start[None], end[None])
-            met &= (others > edges + 1) & ~((edges == 0) & (others == n - 1))
-            if np.any(met):
-                row, other = np.argwhere(met)[0]
-                return int(edges[row, 0]), int(other)
+        along = end - start
+        after = np.roll(along, -1, axis=0)
+        back = (along[:, 0] * after[:, 1] == along[:, 1] * after[:, 0]) & (
+            np.sum(along * after, axis=1) < 0.0
+        )
+        if np.any(back):
+            edge = int(np.argmax(back))
+            return edge, (edge + 1) % n
+        pairs = self._tree.along(start, end)
+        for one, other in pairs:
+            apart = (other > one + 1) & ~((one == 0) & (other == n - 1))
+            first, second = one[apart], other[apart]
+            met = np.flatnonzero(meet(start[first], end[first], start[second], end[second]))
+            if met.size:
+                return int(first[met[0]]), int(second[met[0]])
+        return None
+
+    def meeting(self, other: "Contour") -> Points | None:
+        """Return a point where the lines of two contours cross or touch, shape (2,), or None."""
+        start, end = self._edges
+        begin, stop = other._edges
+        for one, two in self._tree.along(begin, stop):
+            met = np.flatnonzero(meet(begin[one], stop[one], start[two], end[two]))
+            if met.size:
+                first = met[0]
+                edges = start[two[first]], end[two[first]], begin[one[first]], stop[one[first]]
+                return _crossing_point(*edges)
         return None
 
     def check(self, key: str) -> None:
         """Raise a `CaseError` unless this is a simple polygon with an area."""
+        if self.points.ndim != 2 or self.points.shape[1] != 2:
+            problem = f"an array of shape {self.points.shape}"
+            raise CaseError(key, problem, "a contour has two coordinates for every corner")
+        wrong = np.flatnonzero(~np.all(np.isfinite(self.points), axis=1))
+        if wrong.size:
+            place = ", ".join(f"{x:g}" for x in self.points[wrong[0]])
+            problem = f"corner {wrong[0] + 1} is at ({place})"
+            raise CaseError(key, problem, "give every corner finite coordinates")
         if len(self.points) < 3:
-            raise CaseError(key, f"{len(self.points)} points", "a contour needs at least 3")
+            problem = f"{len(self.points)} different points"
+            raise CaseError(key, problem, "a contour needs at least 3")
         pair = self.self_crossing()
+        start, end = self._edges
+        size2 = float(np.max(np.ptp(self.points, axis=0))) ** 2
+        thin = self.area <= THIN * size2
+        if thin and (pair is None or np.all(np.abs(turn(start, end, start[0])) <= THIN * size2)):
+            problem = "the corners lie on one line, or enclose no area"
+            raise CaseError(key, problem, "draw the outline of the region")
         if pair is not None:
-            remedy = "draw the outline without crossing itself"
-            raise CaseError(key, f"the contour crosses itself (edges {pair[0]}, {pair[1]})", remedy)
+            one, other = pair
+            y, z = 100.0 * _crossing_point(start[one], end[one], start[other], end[other])
+            problem = (
+                f"the contour crosses itself or touches itself at ({y:.4g}, {z:.4g}) cm, "
+                f"after corners {one + 1} and {other + 1}"
+            )
+            raise CaseError(key, problem, "draw the outline without crossing itself")
 
 
-def _orientation(a: Points, b: Points, c: Points) -> Ints:
-    cross = (b - a)[..., 0] * (c - a)[..., 1] - (b - a)[..., 1] * (c - a)[..., 0]
-    return np.sign(cross).astype(np.intp)
-
-
-def _segments_meet(a: Floats, b: Floats, c: Points, d: Points) -> Bools:
-    one = _orientation(a, b, c) * _orientation(a, b, d)
-    two = _orientation(c, d, a) * _orientation(c, d, b)
-    touching: Bools = (one <= 0) & (two <= 0)
-    lo, hi = np.minimum(a, b), np.maximum(a, b)
-    apart = np.any((np.minimum(c, d) > hi) | (np.maximum(c, d) < lo), axis=-1)
-    meeting: Bools = touching & ~apart
-    return meeting
+def _crossing_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Return where segments a-b and c-d that meet do so; of collinear ones an end."""
+    along, other = b - a, d - c
+    det = along[0] * other[1] - along[1] * other[0]
+    if abs(det) > THIN * np.linalg.norm(along) * np.linalg.norm(other):
+        share = ((c - a)[0] * other[1] - (c - a)[1] * other[0]) / det
+        found: Floats = a + np.clip(share, 0.0, 1.0) * along
+        return found
+    inside = (c - a) @ along / (along @ along)
+    return c if 0.0 <= inside <= 1.0 else b

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
     ["arrays", "errors", "table", "shown", "progress"],
     ["units", "knobs", "inputfile", "tomltext"],
-    ["validation"],
+    ["validation", "segments"],
     ["contour", "foreign", "frame"],
     ["materials", "elements", "image"],
     ["scene"],

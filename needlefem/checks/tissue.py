@@ -7,6 +7,7 @@ from needlefem.checks.result import CheckResult
 from needlefem.elements import ElementRow
 from needlefem.fem.cellmap import cell_corners, cell_measures, corner_jacobians
 from needlefem.fem.model import Model
+from needlefem.fem.soundness import refuse_unsound
 from needlefem.fem.space import Space
 from needlefem.fem.statics import Solution, Statics
 from needlefem.fem.stiffness import Stiffness
@@ -221,7 +222,14 @@ def cell_shape(model: Model) -> CheckResult:
 
 
 def preflight(model: Model) -> tuple[CheckResult, ...]:
-    """Run the checks that a tissue must pass before it is planned on, in milliseconds."""
+    """Run the checks that a tissue must pass before it is planned on, in milliseconds.
+
+    Raises
+    ------
+    CaseError
+        The mesh is not one body whose cells cover it once; see `refuse_unsound`.
+    """
+    refuse_unsound(model.mesh, "mesh")
     return (
         covering(model),
         cell_shape(model),

@@ -144,20 +144,26 @@ def group_cells(mesh: SkfemMesh, group: str, key: str) -> Ints:
     """Return the cells of a named group, or raise a `CaseError` with the names there are."""
     present = mesh.subdomains or {}
     if group not in present:
-        names = ", ".join(sorted(present)) or "none"
+        if group in (mesh.boundaries or {}):
+            problem = f"'{group}' is a group of edges, not of cells"
+            raise CaseError(key, problem, "use it in supports, and name a group of cells here")
+        if not present:
+            problem = f"no group '{group}': the mesh names no group of cells"
+            raise CaseError(key, problem, "name cells (Gmsh: Physical Surface), or give a contour")
+        names = ", ".join(sorted(present))
         raise CaseError(key, f"no group '{group}' in the mesh", f"those present are {names}")
     cells: Ints = np.asarray(present[group])
     return cells
 
 
 def outline(mesh: SkfemMesh, cells: Ints) -> Contour:
-    """Return the longest closed line of edges around a group of cells."""
+    """Return the closed line of edges around a group of cells that encloses the largest area."""
     edges = np.bincount(mesh.t2f[:, cells].ravel(), minlength=mesh.nfacets) == 1
     neighbours: dict[int, list[int]] = {}
     for a, b in mesh.facets[:, edges].T:
         neighbours.setdefault(int(a), []).append(int(b))
         neighbours.setdefault(int(b), []).append(int(a))
-    longest: list[int] = []
+    rings: list[Contour] = []
     while neighbours:
         start = next(iter(neighbours))
         ring, at = [start], start
@@ -166,9 +172,11 @@ def outline(mesh: SkfemMesh, cells: Ints) -> Contour:
             neighbours[after].remove(at)
             ring.append(after)
             at = after
-        neighbours = {key: left for key, left in neighbours.items() if left}
-        longest = max(longest, ring, key=len)
-    return Contour(mesh.p[:, longest].T)
+        for node in ring:
+            if not neighbours.get(node, True):
+                del neighbours[node]
+        rings.append(Contour(mesh.p[:, ring].T))
+    return max(rings, key=lambda contour: contour.area)
 
 
 def name_regions(
@@ -194,6 +202,9 @@ def name_regions(
     }
     for name in chosen:
         if not cells[name].size:
-            remedy = "refine the mesh, enlarge the contour or check its offset"
-            raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)
+            if name in contours:
+                remedy = "refine the mesh, enlarge the contour or check its offset"
+                raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)
+            problem = "all cells of the group are in regions that come later"
+            raise CaseError(f"regions.{name}", problem, "give each region cells of its own")
     return mesh.with_subdomains(cells)

@@ -1,17 +1,19 @@
-"""Meshes from files, through meshio."""
+"""Meshes from files: Gmsh's by `mshfile`, all others through meshio by `foreignmesh`."""
 
+import dataclasses
+import warnings
+from functools import lru_cache
 from pathlib import Path
-
-import numpy as np
 
 from needlefem.arrays import SkfemMesh
 from needlefem.errors import CaseError
-from needlefem.fem.cellmap import refuse_bad_cells
+from needlefem.fem.foreignmesh import read_foreign
+from needlefem.fem.meshcontents import PlaneMesh, UnreadableMeshError, plane_mesh
+from needlefem.fem.mshfile import is_msh, read_msh
+from needlefem.fem.soundness import refuse_unsound
 from needlefem.inputfile import require_file
 
 KEY = "mesh.file"
-CELLS = {"triangle": "triangle", "quad": "quadrilateral"}
-"""meshio's names of the cells that can be used, and ours."""
 
 
 def read_mesh(path: Path, unit: float) -> SkfemMesh:
@@ -20,49 +22,56 @@ def read_mesh(path: Path, unit: float) -> SkfemMesh:
     Parameters
     ----------
     path : Path
-        Any format of meshio's; named groups come with Gmsh's physical groups.
+        Gmsh's .msh, or any format of meshio's; docs/how-to/own-mesh.md says what their groups are.
     unit : float, m
         Length of one unit of the file's coordinates.
+
+    Returns
+    -------
+    skfem.Mesh
+        Subdomains and boundaries are the file's groups; cells in no group are in no subdomain.
 
     Raises
     ------
     CaseError
-        The file can't be read, holds other cells, or cells that are flat, concave or crossed.
+        The file can't be read, or it is not one plane body of cells that can be used.
+
+    Warns
+    -----
+    UserWarning
+        What was changed, such as curved edges that are read as straight.
     """
-    require_file(path, KEY, remedy="give a mesh file, such as Gmsh's .msh")
-    import meshio  # noqa: PLC0415  (only a mesh from a file needs it)
-    from skfem.io.meshio import from_meshio  # noqa: PLC0415
+    found = read_plane_mesh(path, unit)
+    for sentence in found.repairs:
+        warnings.warn(f"{path.name}: {sentence}", stacklevel=2)
+    return found.mesh
 
+
+def read_plane_mesh(path: Path, unit: float, key: str = KEY) -> PlaneMesh:
+    """Read a mesh file, and say how it was read; see `read_mesh`.
+
+    The last file is kept: a case reads its mesh for the outlines of regions and for the model.
+    """
+    require_file(path, key, remedy="give a mesh file, such as Gmsh's .msh")
     try:
-        found = meshio.read(path)
-    except (OSError, meshio.ReadError) as error:
-        problem = f"can't read '{path}' ({str(error) or type(error).__name__})"
-        raise CaseError(KEY, problem, "give a mesh file, such as Gmsh's .msh") from None
-    except SystemExit:  # meshio leaves the process when no reader takes the file
-        raise CaseError(KEY, f"'{path}' is in no known format", "give a Gmsh .msh") from None
-    kinds = {block.type for block in found.cells}
-    areas = sorted(kinds - {"vertex", "line"})
-    if len(areas) != 1 or areas[0] not in CELLS:
-        has = ", ".join(sorted(kinds)) or "nothing"
-        remedy = "save straight-edged triangles or quadrilaterals alone"
-        raise CaseError(KEY, f"'{path.name}' holds {has}", remedy)
-    found.points = np.ascontiguousarray(found.points[:, :2], dtype=float) * unit
-    mesh = from_meshio(found, ignore_interior_facets=True)
-    mesh = _without_loose_points(mesh)
-    refuse_bad_cells(mesh, KEY)
-    return mesh
+        status = path.stat()
+        found = _read(path, status.st_mtime_ns, status.st_size)
+        mesh = found.mesh
+        mesh = dataclasses.replace(mesh, doflocs=unit * mesh.doflocs)
+    except OSError as error:
+        problem = f"can't read '{path}' ({error.strerror or error})"
+        raise CaseError(key, problem, "give a mesh file, such as Gmsh's .msh") from None
+    except UnreadableMeshError as error:
+        raise CaseError(key, f"can't use '{path}': {error.problem}", error.remedy) from None
+    refuse_unsound(mesh, key)
+    return dataclasses.replace(found, mesh=mesh)
 
 
-def _without_loose_points(mesh: SkfemMesh) -> SkfemMesh:
-    """Drop points that no cell uses (centres of arcs), which would be dofs without stiffness."""
-    used = np.unique(mesh.t)
-    if len(used) == mesh.nvertices:
-        return mesh
-    number = np.full(mesh.nvertices, -1)
-    number[used] = np.arange(len(used))
-    return type(mesh)(
-        np.ascontiguousarray(mesh.p[:, used]),
-        number[mesh.t],
-        _boundaries=mesh.boundaries,
-        _subdomains=mesh.subdomains,
-    )
+@lru_cache(maxsize=1)
+def _read(path: Path, _changed: int, _size: int) -> PlaneMesh:
+    """Return the mesh in units of the file; the last arguments tell one version from another."""
+    with path.open("rb") as file:
+        start = file.read(4096)
+        if is_msh(start):
+            return plane_mesh(read_msh(start + file.read()), 1.0)
+    return plane_mesh(read_foreign(path), 1.0)

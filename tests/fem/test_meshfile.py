@@ -147,8 +147,7 @@ def test_missing_faces_are_answered(tmp_path: Path) -> None:
         ([[0, 0], [1, 0], [0.2, 0.2], [0, 1]], ("quad", [[0, 1, 2, 3]]), "1 cells are flat"),
         ([[0, 0], [1, 1], [1, 0], [0, 1]], ("quad", [[0, 1, 2, 3]]), "crossed .cell 0."),
         ([[0, 0], [1, 0], [2, 0]], ("triangle", [[0, 1, 2]]), "1 cells are flat"),
-        ([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]],
-         ("triangle6", [[0, 1, 2, 3, 4, 5]]), "holds triangle6; save straight-edged"),
+        ([[0, 0], [1, 0], [0, 0.5]], ("line", [[0, 1], [1, 2]]), "2 lines and no cells"),
     ],
 )  # fmt: skip
 def test_cells_that_can_not_be_used_are_refused(

@@ -8,30 +8,43 @@ import numpy as np
 from needlefem.casefile.openkeys import OPEN
 from needlefem.casefile.starters.draft import Draft, numbers_text, point_text
 from needlefem.casefile.starters.wanted import Wanted, direction_of, point_of
-from needlefem.errors import CaseError
 from needlefem.fem.cellmap import cell_measures, is_simplicial
-from needlefem.fem.meshfile import read_mesh
+from needlefem.fem.mesh import BACKGROUND
+from needlefem.fem.meshfile import read_plane_mesh
 from needlefem.tomltext import quoted
 
 UNKNOWN = f'"{OPEN}"'
 
 
 def of_mesh(path: Path, folder: Path, wanted: Wanted) -> Draft:
-    """Return the case that a mesh file begins: a region for every group but the largest.
+    """Return the case that a mesh file begins.
+
+    Every group of cells is a region, and the rest is the background: the cells without a group,
+    or the largest group where every cell has one.
 
     Raises
     ------
     CaseError
-        The file can't be read, or names no group of cells.
+        The file can't be read, or its mesh can't be used.
     """
-    mesh = read_mesh(path, 1.0)
+    found = read_plane_mesh(path, 1.0, "--mesh")
+    mesh = found.mesh
     groups = mesh.subdomains or {}
-    if not groups:
-        remedy = "save physical groups with it, or begin from contours"
-        raise CaseError("--mesh", f"'{path.name}' names no group of cells", remedy)
     measures = cell_measures(mesh)
     areas = {name: float(np.sum(measures[cells])) for name, cells in groups.items()}
     order = sorted(areas, key=lambda name: -areas[name])
+    count = np.zeros(mesh.nelements, dtype=np.intp)
+    for cells in groups.values():
+        count[cells] += 1
+    background, remarks = _background(order, int(np.count_nonzero(count == 0)))
+    regions = [name for name in order if name != background or not np.all(count)]
+    covered = [np.zeros(mesh.nelements, dtype=bool) for _ in regions]
+    for mask, name in zip(covered, regions, strict=True):
+        mask[groups[name]] = True
+    if any(np.any(one & two) for k, one in enumerate(covered) for two in covered[:k]):
+        remarks.append("Groups share cells: a cell belongs to the last of its regions below.")
+    if found.axes != ("x", "y"):
+        remarks.append(f"The mesh lies in the {''.join(found.axes)}-plane of the file.")
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     span = " to ".join("(" + ", ".join(f"{x:g}" for x in corner) + ")" for corner in (low, high))
     lines = [
@@ -44,13 +57,30 @@ def of_mesh(path: Path, folder: Path, wanted: Wanted) -> Draft:
     return Draft(
         title=path.stem,
         file=path.name,
-        axes=("y", "z"),
-        remarks=(f"The largest group, {order[0]}, is the background.",),
+        axes=("y", "z") if found.axes == ("x", "y") else found.axes,
+        remarks=(*remarks, *found.notes, *found.repairs),
         mesh="\n".join(lines),
-        regions={name: f"group = {quoted(name)}" for name in order[1:]},
-        background=order[0],
+        regions={name: f"group = {quoted(name)}" for name in regions},
+        background=background,
         faces=tuple(sorted(mesh.boundaries or {})),
         direction=numbers_text(direction_of(direction, 2, "--direction")) if direction else UNKNOWN,
         max_depth=UNKNOWN,
         target=point_text(point_of(target, 2, "--target")) if target else UNKNOWN,
     )
+
+
+def _background(order: list[str], without: int) -> tuple[str, list[str]]:
+    """Return the material outside all regions, and a sentence on it.
+
+    Parameters
+    ----------
+    order : list of str
+        Groups, the largest first.
+    without : int
+        How many cells are in no group.
+    """
+    if not order:
+        return BACKGROUND, ["The file names no group of cells: all of them are the background."]
+    if not without:
+        return order[0], [f"The largest group, {order[0]}, is the background."]
+    return BACKGROUND, [f"The {without} cells in no group are the background."]
