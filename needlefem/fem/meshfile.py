@@ -74,4 +74,7 @@ def _read(path: Path, _changed: int, _size: int) -> PlaneMesh:
         start = file.read(4096)
         if is_msh(start):
             return plane_mesh(read_msh(start + file.read()), 1.0)
+    if path.suffix.lower() == ".msh" and not start.lstrip().startswith(b"("):  # as Fluent's do
+        problem = "it is empty" if not start.strip() else "it does not begin as Gmsh's files do"
+        raise UnreadableMeshError(problem, "save it as Gmsh's version 4.1 or 2.2")
     return plane_mesh(read_foreign(path), 1.0)

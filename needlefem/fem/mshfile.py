@@ -13,6 +13,7 @@ from needlefem.arrays import Floats, Ints
 from needlefem.fem.meshcontents import CellBlock, Contents, UnreadableMeshError, printable
 
 SAVE_AGAIN = "save it again with Gmsh as version 4.1 or 2.2"
+SURFACE = 2
 MOST_TAGS = 1000
 """Tags of an element in version 2.2: its group, its entity and the parts that it belongs to."""
 
@@ -174,9 +175,11 @@ def read_msh(data: bytes) -> Contents:
         tags, points = _nodes_2(layout.open("Nodes", sections["Nodes"]))
         blocks = _elements_2(layout.open("Elements", sections["Elements"]))
     else:
-        groups = _entities(layout, sections)
+        groups, surfaces = _entities(layout, sections)
         tags, points = _nodes_4(layout, layout.open("Nodes", sections["Nodes"]))
-        blocks = _elements_4(layout, layout.open("Elements", sections["Elements"]), groups)
+        blocks = _elements_4(
+            layout, layout.open("Elements", sections["Elements"]), groups, surfaces
+        )
     return _contents(tags, points, blocks, names)
 
 
@@ -306,21 +309,32 @@ def _nodes_4(layout: _Layout, section: _Section) -> tuple[Ints, Floats]:
 
 
 def _elements_4(
-    layout: _Layout, section: _Section, groups: dict[tuple[int, int], frozenset[int]]
+    layout: _Layout,
+    section: _Section,
+    groups: dict[tuple[int, int], frozenset[int]],
+    surfaces: set[int],
 ) -> list[_Block]:
+    """Return the blocks of a file, of which the given partitioned surfaces must have cells."""
     new = layout.version == "4.1"
-    found = []
+    found, filled = [], set()
     for _ in range(_row(section, "ssss" if new else "ss")[0]):
         one, other, number, rows = _row(section, "iiis")
         entity = (one, other) if new else (other, one)
         kind = _type(number)
         nodes = section.table(rows, ("s" if new else "i", 1 + kind.nodes))[0][:, 1:]
         found.append((kind, nodes, groups.get(entity, frozenset())))
+        filled.add(entity[1] if entity[0] == SURFACE and rows else 0)
+    _refuse_part(surfaces, filled)
     return found
 
 
-def _entities(layout: _Layout, sections: dict[str, bytes]) -> dict[tuple[int, int], frozenset[int]]:
-    """Return the numbers of the physical groups of every entity, by dimension and number."""
+def _entities(
+    layout: _Layout, sections: dict[str, bytes]
+) -> tuple[dict[tuple[int, int], frozenset[int]], set[int]]:
+    """Return the numbers of the groups of every entity, and the surfaces of a partitioned mesh.
+
+    Entities go by dimension and number.
+    """
     found: dict[tuple[int, int], frozenset[int]] = {}
     if "Entities" in sections:
         section = layout.open("Entities", sections["Entities"])
@@ -331,29 +345,35 @@ def _entities(layout: _Layout, sections: dict[str, bytes]) -> dict[tuple[int, in
                 found[dim, tag] = frozenset(map(abs, _list(section, "s", "i")))
                 if dim:
                     _list(section, "s", "i")
+    plain = set(found)
     if "PartitionedEntities" in sections:
         if layout.version != "4.1":
             _refuse("it is partitioned, in version 4.0", "save it as version 4.1 or unpartitioned")
         _partitioned(layout.open("PartitionedEntities", sections["PartitionedEntities"]), found)
-    return found
+    return found, {tag for dim, tag in found.keys() - plain if dim == SURFACE}
 
 
 def _partitioned(section: _Section, found: dict[tuple[int, int], frozenset[int]]) -> None:
-    """Add the entities of a partitioned mesh; refuse a file with some of the parts alone."""
-    wanted, ghosts = _row(section, "ss")
+    """Add the entities of a partitioned mesh."""
+    _, ghosts = _row(section, "ss")
     section.table(ghosts, ("i", 2))
-    present: set[int] = set()
     for dim, count in enumerate(_row(section, "ssss")):
         for _ in range(count):
             tag, _, _ = _row(section, "iii")
-            present.update(_list(section, "s", "i"))
+            _list(section, "s", "i")
             section.table(1, ("d", 3 if dim == 0 else 6))
             found[dim, tag] = frozenset(map(abs, _list(section, "s", "i")))
             if dim:
                 _list(section, "s", "i")
-    if len(present) < wanted:
-        problem = f"it holds {len(present)} of the {wanted} parts of a partitioned mesh"
-        _refuse(problem, "save the whole mesh in one file, as with Mesh.PartitionSplitMeshFiles=0")
+
+
+def _refuse_part(partitioned: set[int], filled: set[int]) -> None:
+    """Refuse a file that names the surfaces of all parts and holds cells of some alone."""
+    missing = partitioned - filled
+    if missing:
+        problem = f"it has no cells for {len(missing)} of the {len(partitioned)} surfaces of a "
+        remedy = "save the whole mesh in one file, with Mesh.PartitionSplitMeshFiles = 0"
+        _refuse(problem + "partitioned mesh", remedy)
 
 
 def _contents(
