@@ -63,8 +63,8 @@ def entry_at(mesh: SkfemMesh, point: Vector, direction: Vector) -> Entry:
     if found is None or np.linalg.norm(found.point - point) > 1e-6 * size:
         where = "the needle's line misses the tissue"
         if found is not None:
-            where = f"the needle's line enters the tissue at {_text(found.point)}"
-        raise CaseError("motion.entry", f"{_text(point)} is not on the skin", where)
+            where = f"the needle's line enters the tissue at {place_text(found.point)}"
+        raise CaseError("motion.entry", f"{place_text(point)} is not on the skin", where)
     return found
 
 
@@ -74,10 +74,10 @@ def check_entry(entry: Entry, direction: Vector, held: Ints) -> None:
     `held` are the facets of all supports.
     """
     if entry.inward @ direction < STEEPEST:
-        problem = f"the needle meets the skin at {_text(entry.point)} almost along it"
+        problem = f"the needle meets the skin at {place_text(entry.point)} almost along it"
         raise CaseError("motion.direction", problem, "choose a steeper direction")
     if entry.facet in held:
-        problem = f"the face at {_text(entry.point)} is held by a support"
+        problem = f"the face at {place_text(entry.point)} is held by a support"
         raise CaseError("motion.entry", problem, "enter through a free face")
 
 
@@ -88,5 +88,6 @@ def _inward(mesh: SkfemMesh, facet: int) -> Vector:
     return normal if normal @ (inside - corners[0]) > 0.0 else -normal
 
 
-def _text(point: Vector) -> str:
+def place_text(point: Vector) -> str:
+    """Return a point as messages have it, in cm."""
     return "(" + ", ".join(f"{100.0 * x:.4g}" for x in point) + ") cm"

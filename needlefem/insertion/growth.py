@@ -8,6 +8,7 @@ from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import broyden
 from needlefem.insertion.equations import Solution, StepEquations
+from needlefem.insertion.step import not_found
 
 PEAK = 1e-3
 """Part of a piece to which the path's largest depth is found."""
@@ -73,8 +74,7 @@ def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution
 
     found = broyden(evaluate, begin, np.eye(len(begin)), near)
     if found is None:
-        front = equations.track.front
-        raise SimulationError(f"no equilibrium found up to {length:.3g} m ahead of {front} m")
+        raise SimulationError(not_found(length, equations.track.vertices[-1]))
     return found
 
 
@@ -164,7 +164,7 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
             return start - depth
         found = cut_to(equations, length, depth)
         if found is None:
-            raise SimulationError(f"no equilibrium found {length - low:.3g} m ahead of the tip")
+            raise SimulationError(not_found(length, track.vertices[-1]))
         return found.depth - depth
 
     return cut_to(equations, float(brentq(beyond, low, high, xtol=1e-12 * high)), depth)

@@ -32,6 +32,12 @@ AT_DEPTH = 1e-12
 """Distance from the requested depth at which it is reached, m."""
 ROUND_OFF = 1e-14
 """Distance from it to which the last step is solved, m."""
+FROM_PUNCTURE = 2
+"""States up to that in which the skin is cut."""
+LITTLE = 0.25
+"""Depth gained in a step, over that of the step before, below which a maximum is looked for."""
+PEAK = 1e-6
+"""Part of a step to which it is found; there depth may have a kink, at an interface."""
 HALVINGS = 6
 """Of a step that would leave the tissue, before the tip is at the surface."""
 
@@ -118,16 +124,22 @@ class March:
         yield from self._puncture()
         while self.max_depth - self.states[-1].depth > AT_DEPTH:
             step = self._next()
-            falls = step.depth <= self.states[-1].depth
-            highest = self._peak(self._length(step)) if falls else step
-            if highest is not None and highest.depth > self.max_depth + AT_DEPTH:
+            peak = self._peak(step) if self._may_fall(step) else None
+            highest = step if peak is None else peak
+            if highest.depth > self.max_depth + AT_DEPTH:
                 if self.within:
                     return
                 yield self._accept(self._at_max_depth(highest))
-            elif falls:
-                yield from self._snap(highest)
+            elif peak is not None or step.depth <= self.states[-1].depth:
+                yield from self._snap(peak)
             else:
                 yield self._accept(step)
+
+    def _may_fall(self, step: Step) -> bool:
+        """Say whether the depth may have a maximum within a step: it gains little, or less."""
+        *_, before, last = self.states
+        gained = last.depth - before.depth if len(self.states) > FROM_PUNCTURE else 0.0
+        return step.depth - last.depth <= LITTLE * gained
 
     def _solve(self, length: float, depth: float | None = None) -> Step:
         return self._solver.solve(self.states[-1].tip, length, depth)
@@ -287,13 +299,13 @@ class March:
         self.snaps.append(Snap(depth, first, len(self.states) - 1))
         yield state
 
-    def _peak(self, spacing: float) -> Step | None:
-        """Return the step to the largest depth within a length, if there is one ahead."""
-        low, high = 0.0, spacing
-        ratio = 0.5 * (np.sqrt(5.0) - 1.0)
-        inner = [self._solve(high - ratio * (high - low)), self._solve(low + ratio * (high - low))]
+    def _peak(self, step: Step) -> Step | None:
+        """Return the step to the largest depth within a step, if that is beyond both its ends."""
+        low, high = 0.0, self._length(step)
+        ratio, precise = 0.5 * (np.sqrt(5.0) - 1.0), PEAK * high
         lengths = [high - ratio * (high - low), low + ratio * (high - low)]
-        while high - low > 1e-3 * spacing:
+        inner = [self._solve(length) for length in lengths]
+        while high - low > precise:
             if inner[0].depth > inner[1].depth:
                 high, lengths[1], inner[1] = lengths[1], lengths[0], inner[0]
                 lengths[0] = high - ratio * (high - low)
@@ -302,8 +314,8 @@ class March:
                 low, lengths[0], inner[0] = lengths[0], lengths[1], inner[1]
                 lengths[1] = low + ratio * (high - low)
                 inner[1] = self._solve(lengths[1])
-        best = max(inner, key=lambda step: step.depth)
-        return best if best.depth > self.states[-1].depth else None
+        best = max(inner, key=lambda found: found.depth)
+        return best if best.depth > max(self.states[-1].depth, step.depth) else None
 
 
 def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> State:

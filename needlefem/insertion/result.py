@@ -10,6 +10,7 @@ from needlefem.arrays import Floats, Points, Vector
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
 from needlefem.fem.model import Model
+from needlefem.fem.skin import place_text
 from needlefem.insertion.state import State
 from needlefem.needle.axis import Axis
 from needlefem.needle.functionals import Piece
@@ -50,10 +51,9 @@ class LeftTissueError(SimulationError):
     """
 
     def __init__(self, place: Vector, depth: float) -> None:
-        point = ", ".join(f"{100.0 * x:.4g}" for x in place)
         super().__init__(
             f"the tip left the tissue at a depth of {100.0 * depth:.4g} cm, through its surface at "
-            f"({point}) cm; stop before that depth, or change the entry or the direction"
+            f"{place_text(place)}; stop before that depth, or change the entry or the direction"
         )
         self.place, self.depth = place, depth
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
+from needlefem.fem.skin import place_text
 from needlefem.insertion.guide import Guide
 from needlefem.needle.axis import Axis
 from needlefem.needle.contact import Contact
@@ -73,6 +74,14 @@ class NoEquilibriumError(Exception):
     """No step of this length was found."""
 
 
+def not_found(length: float, last: Vector) -> str:
+    """Return what to say when no step of a length (m) from a material point (m) was found."""
+    return (
+        f"no equilibrium was found with the tip {1e3 * length:.3g} mm beyond {place_text(last)} of "
+        "the tissue; shorten discretisation.path_spacing or refine the mesh along the needle"
+    )
+
+
 class StepSolver:
     """Finds steps from the end of the path, learning from one for the next.
 
@@ -137,7 +146,7 @@ class StepSolver:
             error = new.residual - step.residual - jacobian @ change
             jacobian = jacobian + error[:, None] * (change / (change @ change))
             sideways, step = wanted, new
-        raise NoEquilibriumError(f"no equilibrium found {length:.3g} m ahead of {last} m")
+        raise NoEquilibriumError(not_found(length, last))
 
     def _try(self, start: "_Start", length: float, sideways: Floats, depth: float | None) -> Step:
         """Put the tip `length` further along the path, `sideways` of it across the axis."""

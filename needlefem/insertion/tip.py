@@ -67,7 +67,10 @@ def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, S
         else:
             inside = min(near, far) < wanted < max(near, far)
             arc = wanted if inside else 0.5 * (near + far)
-    raise SimulationError(f"no place of the tip found on its path at depth {depth:.4g} m")
+    raise SimulationError(
+        f"where the retracted tip is on its cut path was not found at {100.0 * depth:.4g} cm in "
+        f"{MOST_ITERATIONS} iterations; shorten discretisation.time_step or path_spacing"
+    )
 
 
 def cut(equations: StepEquations, depth: float, ahead: float) -> Solution | None:

@@ -130,7 +130,8 @@ class Needle(Validated):
         closed=True,
     )
     stick_stiffness: float = knob(
-        "Stiffness of sticking along the needle, per unit of its length; 0: rigid",
+        "Stiffness of sticking along the needle, per unit of its length; 0: rigid, or chosen where "
+        "the mesh can't tell apart what sticks",
         "lateral stiffness",
         default=0.0,
         low=0.0,

@@ -1,3 +1,4 @@
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -151,6 +152,29 @@ def test_snap_ends_where_the_branch_at_cutting_force_comes_back(popping: Scene) 
     after = np.flatnonzero(np.array(tips) > insertion.states[snap.first].tip[1] + 2e-3)
     back = np.interp(snap.depth, np.array(depth)[after], np.array(tips)[after])
     assert insertion.states[snap.last].tip[1] == pytest.approx(back, abs=2e-4)
+
+
+def test_a_snap_begins_at_the_largest_depth(popping: Scene) -> None:
+    """Steps of many lengths from the state before it reach no depth beyond."""
+    simulation = Simulation(popping)
+    entry = simulation.entry_of_case()
+    snap = simulation.insert(entry).snaps[0]
+    from needlefem.insertion.march import March
+
+    march = March(simulation.instrument(entry), simulation.responses, 1.0)
+    list(itertools.islice(march.iterate(), snap.first))
+    spacing = popping.discretisation.path_spacing
+    low, high, highest = 0.02, 1.0, 0.0
+    for _ in range(4):  # nested scans: depth has a kink at its maximum
+        shares = np.linspace(low, high, 41)
+        depths = [
+            march._solve(share * popping.discretisation.path_spacing).depth for share in shares
+        ]
+        peak = int(np.argmax(depths))
+        assert 0 < peak < len(shares) - 1
+        low, high, highest = shares[peak - 1], shares[peak + 1], depths[peak]
+    assert snap.depth == pytest.approx(highest, abs=5e-9)
+    assert snap.depth > march.states[-1].depth + 1e-7
 
 
 def test_material_jumped_over_is_never_reached(popping: Scene, insert: Push) -> None:

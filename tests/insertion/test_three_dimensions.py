@@ -11,6 +11,7 @@ from needlefem.elements.quadrature import simplex
 from needlefem.fem.mesh import BACKGROUND
 from needlefem.fem.model import Model
 from needlefem.fem.responses import SharedResponses
+from needlefem.insertion.fields import displacements
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.march import March
 from needlefem.insertion.result import Insertion, Status
@@ -35,7 +36,18 @@ TETRAHEDRON = ElementRow(
 @pytest.fixture
 def block() -> Model:
     ticks = np.linspace(0.0, 0.04, 9)
-    mesh = skfem.MeshTet.init_tensor(ticks, ticks, ticks)
+    return of_two_tissues(skfem.MeshTet.init_tensor(ticks, ticks, ticks))
+
+
+@pytest.fixture
+def mirrored() -> Model:
+    """Return a block that is its own mirror image in the plane y = 2 cm."""
+    ticks = np.linspace(0.0, 0.04, 7)
+    half = skfem.MeshTet.init_tensor(ticks, ticks[:4], ticks)
+    return of_two_tissues(half + half.mirrored((0.0, 1.0, 0.0), (0.0, 0.02, 0.0)))
+
+
+def of_two_tissues(mesh: skfem.MeshTet) -> Model:
     middles = mesh.p[:, mesh.t].mean(axis=1)
     stiff = (middles[0] > 0.024) & (middles[2] > 0.01)
     mesh = mesh.with_subdomains(
@@ -62,8 +74,8 @@ def solid(gel: Scene) -> Scene:
     )
 
 
-def push(model: Model, direction: np.ndarray, scene: Scene) -> Insertion:
-    entry, inward = np.array([0.0205, 0.0192, 0.0]), np.array([0.0, 0.0, 1.0])
+def push(model: Model, direction: np.ndarray, scene: Scene, across: float = 0.0192) -> Insertion:
+    entry, inward = np.array([0.0205, across, 0.0]), np.array([0.0, 0.0, 1.0])
     instrument = Instrument(
         axis=Axis(entry, direction / np.linalg.norm(direction)),
         kernel=DiscKernel(3e-3, 200, entry, inward),
@@ -90,6 +102,24 @@ def test_march_in_a_block_of_tetrahedra(block: Model, gel: Scene, direction: lis
     energies = ledger(insertion)
     assert energies.identity < 1e-12
     assert energies.residual < 1e-12
+
+
+def test_the_tip_is_on_the_axis_in_both_lateral_directions(mirrored: Model, gel: Scene) -> None:
+    """In a plane of symmetry one of them is met from the first; the other must be solved for."""
+    insertion = push(mirrored, np.array([0.3, 0.0, 1.0]), gel, across=0.02)
+    assert insertion.outcome.status is Status.COMPLETED
+    axis, numbers = insertion.axis, range(1, len(insertion.states))
+    moved = displacements(insertion, numbers)
+    apart = []
+    for number, state in enumerate(insertion.states[1:]):
+        field = mirrored.nodal(moved[:, number])
+        where = state.tip + state.tip_weights @ field[state.tip_nodes]
+        apart.append(axis.offset(where))
+        assert axis.along(where) == pytest.approx(state.depth, abs=1e-11)
+    assert np.abs(apart).max() < 5e-12
+    lean = np.abs(axis.offset(insertion.tips)).max(axis=0)
+    assert max(lean) > 1e-5  # the tissue yields sideways ...
+    assert min(lean) < 1e-12  # ... within the plane of symmetry
 
 
 def test_checks_hold_in_three_dimensions(block: Model) -> None:
