@@ -8,8 +8,9 @@ from typing import Any
 
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
-from needlefem.output.saved import load_result
+from needlefem.output.saved import SavedResult, load_result
 from needlefem.scene import Scene
+from needlefem.tomltext import key_of, quoted
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,6 +51,27 @@ def read_again(path: str | Path) -> Again:
     if saved.kind not in ("run", "plan") or not saved.record.get("source"):
         remedy = "write it anew with run --out or plan --out"
         raise CaseError(str(path), "does not say from which case it came", remedy)
-    overrides = saved.record["overrides"].items()
-    assignments = [f"{key}={json.dumps(value)}" for key, value in overrides]
-    return Again(load_case(saved.record["source"], assignments), saved.record)
+    assignments = [
+        f"{key}={_toml(value, key, saved.path)}" for key, value in saved.record["overrides"].items()
+    ]
+    return Again(load_case(_source(saved), assignments), saved.record)
+
+
+def _source(saved: SavedResult) -> Path:
+    """Return the case's path; where it is not there any more, that of one beside the result."""
+    source = Path(saved.record["source"])
+    beside = saved.path.parent / source.name
+    return beside if not source.exists() and beside.is_file() else source
+
+
+def _toml(value: Any, key: str, file: Path) -> str:
+    """Return a value of JSON as TOML."""
+    if isinstance(value, list):
+        return f"[{', '.join(_toml(item, key, file) for item in value)}]"
+    if isinstance(value, dict):
+        inner = (f"{key_of(name)} = {_toml(item, key, file)}" for name, item in value.items())
+        return f"{{{', '.join(inner)}}}"
+    if value is None:
+        problem = f"'overrides' in '{file}' has null for '{key}'"
+        raise CaseError("result", problem, "write it anew with run --out or plan --out")
+    return quoted(value) if isinstance(value, str) else json.dumps(value)

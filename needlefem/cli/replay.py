@@ -97,8 +97,10 @@ def _same(insertion: Insertion, again: Again) -> bool:
 
 
 def _placed_as_planned(insertion: Insertion, again: Again) -> bool:
-    place = np.array(again.record["placed_at"])
-    return bool(insertion.seeds) and _near(insertion.seeds[0].point, place, CLOSE)
+    place = again.record["placed_at"]
+    if place is None or not insertion.seeds:
+        return False
+    return _near(insertion.seeds[0].point, np.array(place), CLOSE)
 
 
 def _near(one: Floats, other: Floats, length: float) -> bool:

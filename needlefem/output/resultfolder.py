@@ -40,6 +40,8 @@ FILES = {
     "verify": (r"verification\.(json|html)",),
 }  # fmt: skip
 """Patterns of the files that a command writes, relative to its folder."""
+TABLES = {"run": ("insertion", "events", "shaft"), "motion": ("motion",)}
+"""Tables that every result of a command has, without ``.csv``."""
 TOLD_BY = {
     "plan.json": ("plan", b'"release_point"'),
     "run.json": ("run", b'"puncture_depth"'),

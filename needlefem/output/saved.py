@@ -1,8 +1,6 @@
 """Results that were written, read again."""
 
-import csv
 import dataclasses
-import json
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +11,15 @@ import numpy as np
 from needlefem.arrays import Points
 from needlefem.errors import CaseError
 from needlefem.frame import Frame, Voxels
+from needlefem.inputfile import read_bytes, require_file
+from needlefem.output.recordshape import (
+    ANEW,
+    KEY,
+    read_record,
+    read_tables,
+    require_same_histories,
+)
+from needlefem.output.resultfolder import mark_of
 from needlefem.shown import Shown
 
 KINDS = {
@@ -22,7 +29,10 @@ KINDS = {
     "motion.json": "motion",
     "verification.json": "verification",
 }
-"""Names of the files with a command's result, in the order of preference."""
+"""Names of the files with a command's result."""
+PVD = {"run": "insertion.pvd", "motion": "motion.pvd"}
+"""Names of the files that list snapshots."""
+VTU_END = b"</VTKFile>"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,50 +90,66 @@ def load_result(path: str | Path) -> SavedResult:
     Raises
     ------
     CaseError
-        There is no result, or it is no JSON.
+        There is no result, its command was stopped, or a file of it is missing, was cut, or
+        holds other keys, columns or kinds of values; the message names file and key.
     """
     file = _file(Path(path))
-    try:
-        record = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise CaseError("result", f"'{file}' can't be read: {error}", "write it anew") from None
-    if not isinstance(record, dict):
-        raise CaseError("result", f"'{file}' holds no object", f"give one of {', '.join(KINDS)}")
-    folder = file.parent
-    return SavedResult(
-        kind=KINDS[file.name],
-        path=file,
-        record=record,
-        tables={table.stem: read_table(table) for table in sorted(folder.glob("*.csv"))},
-        snapshots=tuple(s for pvd in sorted(folder.glob("*.pvd")) for s in _snapshots(pvd)),
+    kind, folder = KINDS[file.name], file.parent
+    mark = mark_of(folder)
+    if mark is not None:
+        problem = f"the command that writes into '{folder}' was stopped, or is still at work"
+        raise CaseError(KEY, problem, ANEW)
+    record = read_record(file, kind)
+    tables = read_tables(folder, kind)
+    if kind == "run":
+        require_same_histories(record, tables, folder)
+    found = SavedResult(
+        kind=kind, path=file, record=record, tables=tables, snapshots=_snapshots(folder, kind)
     )
+    try:
+        _ = found.frame
+    except (CaseError, TypeError) as error:
+        raise CaseError(KEY, f"'frame' in '{file}' is none: {error}", ANEW) from None
+    return found
 
 
 def _file(path: Path) -> Path:
-    file = next((path / name for name in KINDS if (path / name).is_file()), path)
+    files = [path / name for name in KINDS if (path / name).is_file()]
+    if len(files) > 1:
+        names = " and ".join(f"'{file.name}'" for file in files)
+        raise CaseError(KEY, f"'{path}' holds {names}", "give the path of one of them")
+    file = files[0] if files else path
     if file.name in KINDS and file.is_file():
         return file
     remedy = f"give the folder of --out, or one of {', '.join(KINDS)} in it"
-    raise CaseError("result", f"there is none at '{path}'", remedy)
+    if path.is_dir() and mark_of(path) is not None:
+        problem = f"the command that writes into '{path}' was stopped, or is still at work"
+        raise CaseError(KEY, problem, ANEW)
+    raise CaseError(KEY, f"there is none at '{path}'", remedy)
 
 
-def read_table(path: Path) -> dict[str, np.ndarray]:
-    """Return the columns of a CSV file by header: numbers, or texts where one is no number."""
-    with path.open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(file)
-    return {name: _column([row[i] for row in rows]) for i, name in enumerate(header)}
-
-
-def _column(cells: list[str]) -> np.ndarray:
+def _snapshots(folder: Path, kind: str) -> tuple[tuple[float, Path], ...]:
+    """Return times and files of the snapshots that a result has."""
+    path = folder / PVD.get(kind, "none")
+    if not path.exists():
+        return ()
+    content = read_bytes(path, KEY, remedy=ANEW)
     try:
-        return np.array([float(cell) if cell else np.nan for cell in cells])
-    except ValueError:
-        return np.array(cells)
-
-
-def _snapshots(path: Path) -> list[tuple[float, Path]]:
-    sets = ET.parse(path).getroot().iter("DataSet")
-    return [(float(s.attrib["timestep"]), path.parent / s.attrib["file"]) for s in sets]
+        root = ET.fromstring(content)
+        listed = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in root.iter("DataSet")]
+    except (ET.ParseError, LookupError, ValueError) as error:
+        problem = f"'{path}' can't be read ({type(error).__name__}: {error})"
+        raise CaseError(KEY, problem, ANEW) from None
+    if root.tag != "VTKFile" or not listed or not all(np.isfinite(time) for time, _ in listed):
+        raise CaseError(KEY, f"'{path}' lists no snapshots by time", ANEW)
+    found = [(time, folder / file) for time, file in listed]
+    for _, file in found:
+        require_file(file, KEY, remedy=ANEW)
+        with file.open("rb") as snapshot:
+            snapshot.seek(max(file.stat().st_size - len(VTU_END) - 8, 0))
+            if VTU_END not in snapshot.read():
+                raise CaseError(KEY, f"'{file}' was cut", ANEW)
+    return tuple(found)
 
 
 def _tuples(value: Any) -> Any:

@@ -7,9 +7,8 @@ import pytest
 
 from needlefem.insertion.simulation import simulate
 from needlefem.output import driver
-from needlefem.output.files import write_json
 from needlefem.output.notebook import SIZE, html_of, png_of
-from needlefem.output.saved import load_result
+from needlefem.output.saved import SavedResult
 from needlefem.planning.plan import plan
 from needlefem.scene import Scene, vary
 
@@ -34,8 +33,9 @@ def test_a_scene_and_a_result_show_themselves(gel: Scene, tmp_path: Path) -> Non
     picture = gel._repr_png_()
     assert picture is not None
     assert struct.unpack(">II", picture[16:24]) == SIZE
-    write_json(tmp_path / "run.json", {"status": "completed", "sentence": "reached <3> cm"})
-    found = load_result(tmp_path)
+    record = {"status": "completed", "sentence": "reached <3> cm"}
+    path = tmp_path / "run.json"
+    found = SavedResult(kind="run", path=path, record=record, tables={}, snapshots=())
     assert "reached &lt;3&gt; cm" in found._repr_html_()
     assert found._repr_png_() is None
 
