@@ -22,11 +22,11 @@ ANSWERS = {
 }  # fmt: skip
 
 
-def answered(case: Path, face: str) -> tuple[list[str], list[str]]:
+def answered(case: Path, face: str, most: int = 60) -> tuple[list[str], list[str]]:
     """Answer what is open, one key after another; return the keys, and --set for all."""
     asked: list[str] = []
     overrides: list[str] = []
-    for _ in range(20):
+    for _ in range(most):
         error = refusal(case, overrides)
         if error is None:
             return asked, overrides
