@@ -1,6 +1,7 @@
 """``needlefem new``."""
 
 import argparse
+import os
 from pathlib import Path
 
 from needlefem.casefile.load import load_case
@@ -20,7 +21,7 @@ def main(options: argparse.Namespace) -> int:
     path = Path(options.case)
     case = path if path.suffix == ".toml" else path / "case.toml"
     draft = _draft(options, case.parent)
-    written = _write(draft, case, {Path(name).resolve() for name in options.contour or ()})
+    written = _write(draft, case, {os.path.realpath(name) for name in options.contour or ()})
     try:
         load_case(case)
         left = ""
@@ -63,12 +64,12 @@ def _draft(options: argparse.Namespace, folder: Path) -> Draft:
     return of_contours([Path(name) for name in options.contour], folder, wanted)
 
 
-def _write(draft: Draft, case: Path, own: set[Path]) -> list[Path]:
+def _write(draft: Draft, case: Path, own: set[str]) -> list[Path]:
     """Write contours and case, never over a file that is there; `own` ones may stay."""
     texts = {
         case.parent / name: csv_text(contour.points, draft.axes)
         for name, contour in draft.contours.items()
-        if (case.parent / name).resolve() not in own
+        if os.path.realpath(case.parent / name) not in own
     }
     texts[case] = case_text(draft)
     for path in texts:

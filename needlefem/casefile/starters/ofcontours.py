@@ -1,5 +1,6 @@
 """A case from contour files."""
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from needlefem.casefile.starters.names import different, file_names
 from needlefem.casefile.starters.wanted import Wanted, direction_of, point_of
 from needlefem.contour import Contour
 from needlefem.errors import CaseError
+from needlefem.inputfile import require_file
 from needlefem.tomltext import brief, quoted
 from needlefem.units import parse_quantity
 
@@ -85,6 +87,7 @@ def _sources(paths: Sequence[Path]) -> dict[str, Path]:
     """Return the files by the names of their regions."""
     found: dict[str, Path] = {}
     for path in paths:
+        require_file(path, "--contour", remedy="give a CSV file")
         if path.resolve() in [other.resolve() for other in found.values()]:
             raise CaseError("--contour", f"'{path}' is given twice", "give a file once")
         found[different(path.stem, found)] = path
@@ -97,7 +100,7 @@ def _is_in(path: Path, folder: Path) -> bool:
         path.name.encode()
     except UnicodeEncodeError:
         return False
-    return path.resolve().parent == folder.resolve()
+    return path.resolve().parent == Path(os.path.realpath(folder))  # takes links in a circle
 
 
 def _files(sources: Mapping[str, Path], folder: Path) -> dict[str, str]:
