@@ -1,6 +1,10 @@
 """What a check says."""
 
 import dataclasses
+import math
+from collections.abc import Sequence
+
+from needlefem.errors import CheckFailedError
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -16,17 +20,33 @@ class CheckResult:
         What was measured.
     bound : float
         What it may be at most.
+    remedy : str
+        What to do where it does not hold.
     """
 
     name: str
     requirement: str
     value: float
     bound: float
+    remedy: str = ""
 
     @property
     def passed(self) -> bool:
         """Whether the value is within the bound (NaN never is)."""
         return self.value <= self.bound
+
+
+def refuse_failed(checks: Sequence[CheckResult]) -> None:
+    """Raise a `CheckFailedError` that names the first check that failed, if any did."""
+    failed = [check for check in checks if not check.passed]
+    if not failed:
+        return
+    worst = failed[0]
+    found = f"gives {worst.value:.3g}, at most {worst.bound:.3g} is allowed"
+    if not math.isfinite(worst.value):
+        found = "could not be computed: the tissue has no finite response"
+    remedy = worst.remedy or "repair the mesh or choose another element"
+    raise CheckFailedError(f"refused: check '{worst.name}' {found} ({worst.requirement}); {remedy}")
 
 
 def outcome(name: str, requirement: str, value: float, bound: float) -> CheckResult:

@@ -84,7 +84,8 @@ def centimetres(point: Any) -> str:
 def release_lines(plan: "Plan") -> list[str]:
     """Return a line for every release of a plan: where, how deep behind the skin, how near.
 
-    The coordinates of a release and its depth differ where the origin is not on the skin.
+    The coordinates of a release and its depth differ where the origin is not on the skin. What
+    the search left of the planned one is no error of its placement, and is said elsewhere.
     """
     best, level = plan.insertion.axis, plan.level.axis
     releases = {
@@ -94,12 +95,27 @@ def release_lines(plan: "Plan") -> list[str]:
     }
     found = []
     for name, (release, axis) in releases.items():
-        if release is not None:
-            found.append(
-                f"  {name:11s} {centimetres(release.release_point)}, "
-                f"depth {100 * float(axis.along(release.release_point)):.3f} cm -> "
-                f"{centimetres(release.placed_at)}, error {100 * release.placement_error:.2g} cm"
-            )
+        if release is None:
+            why = plan.missing.get(name.replace(" ", "_"))
+            found += [f"  {name:11s} not known: {why}"] if why else []
+            continue
+        error = f", error {100 * release.placement_error:.2g} cm"
+        note = f" ({release.note})" if release.note else ""
+        found.append(
+            f"  {name:11s} {centimetres(release.release_point)}, "
+            f"depth {100 * float(axis.along(release.release_point)):.3f} cm -> "
+            f"{centimetres(release.placed_at)}"
+            f"{'' if release is plan.best and not note else error}{note}"
+        )
     if plan.best is not None:
         found.insert(0, f"  entry at    {centimetres(best.entry)}; depths count from there")
     return found
+
+
+def search_line(plan: "Plan") -> str:
+    """Return what the search took, and what it left of the target on the plan's own model."""
+    left = ""
+    if plan.best is not None:
+        left = f", {100 * plan.best.placement_error:.2g} cm left on this model"
+    target = centimetres(plan.target)
+    return f"  {plan.insertions} insertions ({plan.search}), target {target}{left}"

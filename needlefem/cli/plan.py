@@ -6,12 +6,12 @@ from typing import Any
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import (
-    centimetres,
     progress,
     release_lines,
     result_of,
     say,
     say_json,
+    search_line,
     undrawn,
     warn,
 )
@@ -78,7 +78,7 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
         say(f"  the needle {passing}")
     for line in scanner_lines(record["scanner"]):
         say(line)
-    say(f"  {found.insertions} insertions ({found.search}), target {centimetres(found.target)}")
+    say(search_line(found))
     if found.other_solutions is not None:
         heights = ", ".join(f"{100 * h:+.4f} cm" for h in found.other_solutions) or "none"
         say(f"  other heights that hit: {heights} ({found.scan_insertions} insertions to scan)")
@@ -87,6 +87,8 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
         say(f"  {len(checks)} checks passed before planning: {', '.join(c.name for c in checks)}")
         if found.evidence.ledger is not None:
             say(f"  energy ledger closes to {found.evidence.ledger.residual:.1e} of the work")
+        for name, why in found.evidence.missing.items():
+            say(f"  {name} not known: {why}")
         _accuracy(found.evidence)
         seconds = sum(found.evidence.timings.values())
         say(f"  {seconds:.2f} s, without: {', '.join(record['skipped'])}")
@@ -94,7 +96,9 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
 
 
 def _accuracy(evidence: Evidence) -> None:
-    """Say what the discretisation does to the placement, and what was tried to make it small."""
+    """Say what was computed on, what that does to the placement, and what was tried before."""
+    if evidence.discretisation is not None:
+        say(f"  discretisation: {evidence.discretisation}")
     for tried in evidence.trail:
         sizes = (tried.corridor, tried.contour, tried.bulk, tried.path)
         say(
@@ -105,6 +109,6 @@ def _accuracy(evidence: Evidence) -> None:
     if evidence.estimate is not None:
         found = evidence.estimate
         say(
-            f"  discretisation: about {1e3 * found.error:.2g} mm of placement error "
+            f"  what it does to the placement: about {1e3 * found.error:.2g} mm "
             f"(against {found.compared_to})"
         )

@@ -1,6 +1,7 @@
 """``needlefem run``."""
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,13 @@ from needlefem.cli.common import (
     warn,
 )
 from needlefem.errors import NoRendererError
+from needlefem.insertion.discretised import Discretised, discretised
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.path import Path as CutPath
 from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.validity import validity
+from needlefem.insertion.validity import Validity, validity
 from needlefem.needle.clearance import passings
 from needlefem.output.expectations import compare
 from needlefem.output.files import write_json
@@ -37,7 +39,6 @@ from needlefem.output.records import (
 from needlefem.output.resultfolder import ResultFolder
 from needlefem.output.scanner import scanner_lines, with_scanner
 from needlefem.output.snapshots import write_snapshots
-from needlefem.planning.making import checked
 from needlefem.scene import Scene
 from needlefem.table import Table
 
@@ -68,7 +69,7 @@ def _moved(
     """Return what the needle does, its record, and the table of expectations."""
     watch = progress("moving")
     simulation = Simulation(scene)
-    checked(simulation)
+    simulation.check()
     course = simulation.course(simulation.entry_of_case())
     states = course.iterate()
     if result is not None:
@@ -79,7 +80,9 @@ def _moved(
         kept.append(state)
         watch(state)
     insertion = course.result(tuple(kept))
+    on = discretised(simulation, simulation.entry_of_case())
     record = origin(scene) | insertion_record(insertion)
+    record |= {"discretisation": dataclasses.asdict(on)}
     record = with_scanner(record | _measures(simulation, insertion), scene)
     expected = compare(scene.expect, record, "run", scene.axes)
     record["expect"] = None if expected is None else expected.record()
@@ -141,7 +144,8 @@ def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
 
 
 def _summary(record: dict[str, Any], title: str) -> None:
-    say(f"{title}: {record['status']}, {record['sentence']}")
+    strains = Validity(**record["validity"])
+    say(f"{title}: {record['status']}, {record['sentence']}; {strains.headline}")
     say(f"  entry at {centimetres(record['entry'])}; depths count from there along the needle")
     if record["puncture_depth"] is not None:
         say(f"  skin cut at {100 * record['puncture_depth']:.3f} cm")
@@ -165,6 +169,7 @@ def _summary(record: dict[str, Any], title: str) -> None:
     )
     say(f"  work {energy['work']:.4g} J/m = {spent}")
     say(f"  energy ledger closes to {energy['residual']:.1e} of the work")
+    say(f"  discretisation: {Discretised(**record['discretisation'])}")
 
 
 def _seed_line(seed: dict[str, Any]) -> str:

@@ -86,7 +86,9 @@ class NodeSimulation(Simulation):
         n = self.numbers
         return TissueInTime(self.model, n.integrator, n.step, n.damping, refactor=n.refactor)
 
-    def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
+    def insert(
+        self, entry: Entry, stop: Stop | None = None, *, max_depth: float | None = None
+    ) -> Insertion:
         """Push the needle in at the motion's speed; see `Simulation.insert`."""
         motion, needle = self.scene.motion, self.instrument(entry)
         self.insertions += 1
@@ -97,8 +99,10 @@ class NodeSimulation(Simulation):
             )  # fmt: skip
         except NoNodeError as error:
             raise SimulationError(f"{error}; refine the mesh") from error
-        count = int(np.ceil(motion.max_depth / (motion.speed * self.numbers.step) - 1e-9))
+        end = motion.max_depth if max_depth is None else max_depth
+        count = int(np.ceil(end / (motion.speed * self.numbers.step) - 1e-9))
         depths = motion.speed * self.numbers.step * np.arange(1, count + 1)
+        depths[-1] = end  # the last step is as long as the others, and goes less far
         states: list[State] = []
         for state in pushed.iterate(depths):
             _keep(states, state, APART * motion.speed * self.numbers.step)

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
+from needlefem.checks.needle import needle_resolution
+from needlefem.checks.result import CheckResult, refuse_failed
+from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_model
 from needlefem.fem.columns import Corridor
@@ -71,6 +74,7 @@ class Simulation:
         self.model = build_model(self.scene) if model is None else model
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
+        self._checks: dict[tuple[float, ...], tuple[CheckResult, ...]] = {}
         self._guide: Guide | None = None
         self._sticking: Sticking | None = None
         laws = self.scene.materials.values()
@@ -105,6 +109,36 @@ class Simulation:
         motion = self.scene.motion
         marched = self.scene.discretisation.integrator == "march"
         return not marched or bool(motion.stages or motion.times)
+
+    def check(self, entry: Entry | None = None) -> tuple[CheckResult, ...]:
+        """Run the preflight: the checks that tissue and needle must pass before anything is done.
+
+        Its result is kept, and the factorisation that it needs is the insertions' own.
+
+        Parameters
+        ----------
+        entry : Entry, optional
+            Of the needle that is meant; the case's own when left out.
+
+        Raises
+        ------
+        CaseError
+            The case has no entry.
+        CheckFailedError
+            A check failed.
+        """
+        entry = self.entry_of_case() if entry is None else entry
+        key = tuple(float(x) for x in entry.point)
+        if key not in self._checks:
+            doing("checking the mesh")
+            checks = [*preflight(self.model), needle_resolution(self, entry)]
+            if self.steps:  # a march knows nothing that sticks
+                from needlefem.insertion.sticking import sticking_pieces  # noqa: PLC0415
+
+                checks.append(sticking_pieces(self.sticking(entry)))
+            refuse_failed(checks)
+            self._checks[key] = tuple(checks)
+        return self._checks[key]
 
     @cached_property
     def responses(self) -> Responses:
@@ -230,12 +264,17 @@ class Simulation:
             spacing=numbers.path_spacing,
         )
 
-    def insert(self, entry: Entry, stop: Stop | None = None) -> Insertion:
+    def insert(
+        self, entry: Entry, stop: Stop | None = None, *, max_depth: float | None = None
+    ) -> Insertion:
         """Push the needle in at an entry, to the largest depth or until `stop` says so.
 
-        Where a march nearby was the last, it begins with what that one learnt.
+        Where a march nearby was the last, it begins with what that one learnt. The largest depth
+        is the motion's when left out (m).
         """
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
+        if max_depth is not None:
+            once = dataclasses.replace(once, max_depth=max_depth)
         return self._run(self.course(entry, once), stop)
 
     def forget(self) -> None:
@@ -299,6 +338,9 @@ def simulate(scene: Scene) -> Insertion:
     ------
     CaseError
         The scene can't be built, or its entry is missing or misses the skin.
+    CheckFailedError
+        The discretisation fails a check of the preflight.
     """
     simulation = Simulation(scene)
+    simulation.check()
     return simulation.move(simulation.entry_of_case())

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from needlefem.checks.result import CheckResult
 from needlefem.errors import CaseError
 from needlefem.fem.responses import Responses
 from needlefem.needle.friction import Friction, stick_condition
@@ -101,6 +102,21 @@ def sticking(
         f"{1e3 * limit / chosen:.2g} mm"
     )
     return Sticking(chosen, condition(chosen), rigid, reason)
+
+
+def sticking_pieces(found: Sticking) -> CheckResult:
+    """Check that the forces on segments of the path are determined when all of them stick.
+
+    The condition of their axial response counts, with the tangential penalty that is used.
+    """
+    return CheckResult(
+        name="sticking pieces",
+        requirement="segments of the path are long enough, or needle.stick_stiffness is small "
+        "enough, for the mesh to tell their sticking apart",
+        value=found.condition,
+        bound=STICK_CONDITION,
+        remedy="lengthen discretisation.path_spacing",
+    )
 
 
 def _rounded(stiffness: float) -> float:

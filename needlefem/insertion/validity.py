@@ -9,7 +9,7 @@ from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 
 LARGE_STRAIN = 0.3
-"""Principal strain outside the kernel from which on a result is warned."""
+"""Principal strain outside the kernel up to which small strain is trusted, where no case says."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -24,16 +24,32 @@ class Validity:
         Smallest ``det(I + grad u)`` outside the tip's kernel.
     folded_cells : int
         Cells, the kernel's among them, that the displacement turns over.
+    strain_limit : float
+        That the case trusts small strain with.
     """
 
     largest_strain: float
     smallest_volume_ratio: float
     folded_cells: int
+    strain_limit: float = LARGE_STRAIN
+
+    @property
+    def beyond_limit(self) -> bool:
+        """Whether strains are larger than what the model describes."""
+        return self.largest_strain > self.strain_limit
+
+    @property
+    def headline(self) -> str:
+        """What the first line of a result says of strains beyond the limit."""
+        if self.beyond_limit:
+            size = f"{self.largest_strain:.2g} > limit {self.strain_limit:g}"
+            return f"strains beyond the model's range: yes ({size})"
+        return f"strains beyond the model's range: no ({self.largest_strain:.2g})"
 
     def warnings(self) -> list[str]:
         """Return a sentence for everything that should not be believed."""
         found = []
-        if self.largest_strain > LARGE_STRAIN:
+        if self.beyond_limit:
             found.append(
                 f"the largest strain away from the tip is {self.largest_strain:.2f}: "
                 "beyond small strain, take displacements there as indicative"
@@ -57,4 +73,5 @@ def validity(insertion: Insertion, state: int) -> Validity:
         largest_strain=float(np.max(np.abs(strain[away]))),
         smallest_volume_ratio=float(np.min(volume[away])),
         folded_cells=int(np.count_nonzero(np.min(volume, axis=1) <= 0.0)),
+        strain_limit=insertion.scene.outputs.strain_limit,
     )

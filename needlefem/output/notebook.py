@@ -13,6 +13,7 @@ from needlefem.arrays import Vector
 from needlefem.errors import NoRendererError
 from needlefem.insertion.result import Insertion
 from needlefem.output.saved import SavedResult
+from needlefem.planning.headline import headline
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene
 
@@ -49,8 +50,9 @@ def _(result: Plan) -> str:
         "release at": "" if best is None else _place(best.release_point, axes),
         "release depth": _centimetres(_release_depth(result)),
         "comes to rest": "" if best is None else _place(best.placed_at, axes),
-        "placement error": "" if best is None else f"{100 * best.placement_error:.2g} cm",
+        "placement error": "" if best is None else headline(result).error,
         "insertions": f"{result.insertions} ({result.search})",
+        "left by the search": "" if best is None else f"{100 * best.placement_error:.2g} cm",
         "warnings": "" if result.evidence is None else "; ".join(result.evidence.warnings),
     }
     if scene.frame is not None and best is not None:
@@ -79,11 +81,9 @@ def _(result: Scene) -> str:
 
 @html_of.register
 def _(result: SavedResult) -> str:
-    keys = ("status", "sentence", "source", "placement_error")
+    keys = ("status", "sentence", "source")
     rows = {key: str(result.record[key]) for key in keys if result.record.get(key) is not None}
     rows |= {"tables": ", ".join(result.tables), "snapshots": str(len(result.snapshots) or "")}
-    if "placement_error" in rows:
-        rows["placement_error"] += " m"
     return _table(f"{result.kind}: {result.path}", rows)
 
 

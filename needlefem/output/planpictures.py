@@ -16,6 +16,7 @@ from needlefem.output.images import save
 from needlefem.output.stages import draw_stages
 from needlefem.output.style import Style
 from needlefem.planning.planner import Planner
+from needlefem.planning.reading import Reader, broke_off
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene
 
@@ -48,6 +49,9 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     """
     style, simulation = Style(), planner.simulation
     scene, insertion = simulation.scene, simulation.insert(planner.entry)
+    title = "Error of a release at the target's height"
+    if broke_off(insertion):
+        title += f"; not known beyond {100.0 * insertion.depths[-1]:.2f} cm"
     cut = CutPath(insertion)
     depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)
     reached = [cut.at_depth(float(depth)) for depth in depths]
@@ -67,7 +71,7 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     plotter.set_background(style.background)
     depths = 100.0 * depths
     chart = Chart(
-        plotter, style, title="Error of a release at the target's height", legend=lines,
+        plotter, style, title=title, legend=lines,
         x=Axis(label="insertion depth (cm)", low=0.0, high=1.02 * float(depths[-1])),
         y=Axis(label="placement error (cm)", low=0.0, high=1.05 * float(np.nanmax(error))),
     )  # fmt: skip
@@ -96,7 +100,9 @@ def draw_height(
     style, dots = Style(), 100.0 * _height_table(planner, plan, heights)
     at = np.linspace(dots[0, 0], dots[-1, 0], CURVE_POINTS)
     at = np.union1d(at, dots[:, 0])
-    between = PchipInterpolator(dots[:, 0], dots[:, 1:])(at)
+    between = np.full((len(at), 2), np.nan)
+    if len(dots) > 1:
+        between = PchipInterpolator(dots[:, 0], dots[:, 1:])(at)
     plotter = renderer().Plotter(
         off_screen=True, shape=(2, 1), window_size=[1600, 1700], border=False
     )
@@ -134,8 +140,11 @@ def _height_table(planner: Planner, plan: Plan, within: tuple[float, float] | No
 
 
 def _closest(insertion: Insertion, target: Vector) -> tuple[float, float, float] | None:
-    """Return height, depth and signed miss of the release that comes nearest to a target, m."""
-    reach, lateral = CutPath(insertion).closest(target), insertion.axis.laterals[0]
+    """Return height, depth and signed miss of the release that comes nearest to a target, m.
+
+    None where the insertion broke off, or the skin is not cut.
+    """
+    reach, lateral = Reader(insertion, target).nearest().reach, insertion.axis.laterals[0]
     if reach is None:
         return None
     apart = reach.point - target

@@ -1,6 +1,7 @@
 """Results as plain data: the JSON contract of `plan` and `run`. Points in metres."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from needlefem.checks.result import CheckResult
 from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion, Ledger, Seed
 from needlefem.needle.axis import Axis
+from needlefem.planning.headline import Headline, headline
 from needlefem.planning.result import Barred, Evidence, Plan, Release
 from needlefem.planning.search import Solution
 from needlefem.scene import Scene
@@ -56,6 +58,7 @@ def plan_record(plan: Plan) -> dict[str, Any]:
         **pushed_record(plan.insertion.axis, None if best is None else best.release_point),
         "unplanned": release_record(plan.unplanned, plan.level.axis),
         "depth_only": release_record(plan.depth_only, plan.level.axis),
+        "headline": headline_record(headline(plan)),
         "insertions": plan.insertions,
         "search": search_record(plan.search, plan.solution),
         "other_solutions": plan.other_solutions,
@@ -65,7 +68,20 @@ def plan_record(plan: Plan) -> dict[str, Any]:
         "obstacles": [dataclasses.asdict(passing) for passing in plan.passings],
         "barred": _barred_record(plan.barred),
         "refused": [dataclasses.asdict(refusal) for refusal in plan.refusals],
-    } | ({} if plan.evidence is None else _evidence_record(plan.evidence))
+        "missing": dict(plan.missing),
+    } | ({} if plan.evidence is None else _evidence_record(plan.evidence, plan.missing))
+
+
+def headline_record(found: Headline) -> dict[str, Any]:
+    """Return the estimated placement error (m), what it contains, and what it does not."""
+    strains = found.validity
+    return {
+        "placement_error": found.placement_error,
+        "contains": dict(found.contains),
+        "unknown": found.unknown or None,
+        "strains_beyond_limit": None if strains is None else strains.beyond_limit,
+        "sentence": found.sentence,
+    }
 
 
 def _barred_record(barred: Barred | None) -> dict[str, Any] | None:
@@ -74,9 +90,11 @@ def _barred_record(barred: Barred | None) -> dict[str, Any] | None:
     return dataclasses.asdict(barred.release) | dataclasses.asdict(barred.passing)
 
 
-def _evidence_record(evidence: Evidence) -> dict[str, Any]:
-    energies, strains = evidence.ledger, evidence.validity
+def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str, Any]:
+    energies, strains, on = evidence.ledger, evidence.validity, evidence.discretisation
     return {
+        "missing": {**missing, **evidence.missing},
+        "discretisation": None if on is None else dataclasses.asdict(on),
         "energy_residual": None if energies is None else energies.residual,
         "energy": None if energies is None else ledger_record(energies),
         "validity": None if strains is None else dataclasses.asdict(strains),

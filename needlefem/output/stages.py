@@ -15,7 +15,8 @@ from needlefem.output.panel import Panel, Window
 from needlefem.output.style import Style
 from needlefem.output.texture import synthetic_ultrasound
 from needlefem.output.view import Look, TissueView
-from needlefem.planning.result import Plan, Release
+from needlefem.planning.headline import headline
+from needlefem.planning.result import Plan, PlanStatus, Release
 from needlefem.scene import Scene
 
 SIZE = (1600, 2360)
@@ -30,6 +31,8 @@ class _Column:
     release: Release
     target: Vector
     look: Look
+    error: str
+    note: str = ""
 
     @property
     def insertion(self) -> Insertion:
@@ -43,10 +46,12 @@ class _Column:
 def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = False) -> Path:
     """Draw insertion, release and placement, without (left) and with the plan (right).
 
+    Where it is not known what happens without the plan, the right column stands alone.
+
     Rows: before, released at the tip, retracted, placement error; after the paper's Fig. 1, with
     `ultrasound` on an image that deforms with the tissue.
     """
-    if plan.best is None or plan.unplanned is None:
+    if plan.best is None:
         raise ValueError("a plan without a release has no stages")
     style = Style()
     look = Look(style=style)
@@ -54,23 +59,42 @@ def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = Fals
         level = plan.level
         texture = synthetic_ultrasound(scene, level.model, level.axis)
         look = Look(style=style, texture=texture)
-    pairs = (
-        ("without planning", plan.level, plan.unplanned),
-        ("with planning", plan.insertion, plan.best),
-    )
+    columns = _columns(plan, look)
+    size = [SIZE[0] * len(columns) // 2, SIZE[1]]
     plotter = renderer().Plotter(
-        off_screen=True, shape=(4, 2), window_size=list(SIZE), border=False
+        off_screen=True, shape=(4, len(columns)), window_size=size, border=False
     )
     plotter.set_background(style.background)
-    for across, (title, insertion, release) in enumerate(pairs):
-        column = _Column(
-            title=title, film=Film(insertion), release=release, target=plan.target, look=look
-        )
+    for across, column in enumerate(columns):
         for down, stage in enumerate((_before, _released, _retracted, _error)):
             plotter.subplot(down, across)
             canvas = Canvas(plotter, column.insertion.axis, style)
             stage(canvas, Panel(plotter, style), column, scene.needle.tip_radius)
     return save(plotter, path)
+
+
+def _columns(plan: Plan, look: Look) -> list[_Column]:
+    """Return what is shown side by side: without the plan, if that is known, and with it."""
+    first, found = headline(plan), []
+    if plan.unplanned is not None:
+        found.append(
+            _Column(
+                title="without planning", film=Film(plan.level), release=plan.unplanned,
+                target=plan.target, look=look,
+                error=f"{100.0 * plan.unplanned.placement_error:.2f} cm",
+            )
+        )  # fmt: skip
+    if plan.best is not None:
+        error = first.error
+        if plan.status is not PlanStatus.PLANNED:
+            error = f"{100.0 * plan.best.placement_error:.2g} cm"
+        found.append(
+            _Column(
+                title="with planning", film=Film(plan.insertion), release=plan.best,
+                target=plan.target, look=look, error=error, note=first.strains,
+            )
+        )  # fmt: skip
+    return found
 
 
 def _tissue(canvas: Canvas, panel: Panel, column: _Column, moment: Moment) -> None:
@@ -126,6 +150,6 @@ def _error(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None
     canvas.seed(column.release.placed_at, 0.75 * radius)
     middle = canvas.screen(column.target)[0, :2] + np.array([4e-3, 0.0])
     panel.look(Window(middle, 0.0245, 0.0137))
-    error = 100.0 * column.release.placement_error
-    text = f"{error:.2f} cm" if error >= 0.01 else f"{error:.1e} cm"
-    panel.line(f"placement error {text}")
+    panel.line(f"placement error {column.error}")
+    if column.note:
+        panel.note(column.note)

@@ -38,7 +38,17 @@ def make_accurate(
             made = made._replace(plan=_short(made.plan, error, accuracy, most))
             break
         made = make(simulation, wanted, made.plan.solution.height, path=True)
+    if made.plan.status is PlanStatus.PLANNED and made.estimate is None:
+        made = made._replace(plan=_unknown(made.plan, made.not_estimated, accuracy))
     return made, tuple(trail)
+
+
+def _unknown(plan: Plan, why: str, accuracy: float) -> Plan:
+    sentence = (
+        f"{1e3 * accuracy:.3g} mm were asked for, but the error can't be estimated: {why}; "
+        "leave planning.accuracy out to plan without"
+    )
+    return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)
 
 
 def _attempt(made: Made, sizes: Sizes, error: Estimate) -> Attempt:

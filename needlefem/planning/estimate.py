@@ -21,9 +21,9 @@ from needlefem.fem.halve import halved
 from needlefem.fem.model import Model
 from needlefem.fem.nested import Nested
 from needlefem.fem.responses import Responses
-from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.planning.reading import Reader, at_jump, broke_off, state_at
 from needlefem.planning.result import Estimate, Plan
 from needlefem.resolve import quadratic
 from needlefem.scene import BoxMesh, Scene, vary
@@ -35,8 +35,12 @@ KERNEL = 4
 """Times as many points of the kernel on the finer tissue."""
 
 
-def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estimate | None:
-    """Return how far from the target a plan places, or None when it never cut the skin.
+class NoEstimateError(Exception):
+    """The error of a plan can't be estimated; the message says why."""
+
+
+def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estimate:
+    """Return how far from the target a plan places.
 
     Parameters
     ----------
@@ -45,9 +49,14 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estim
     plan : Plan
     path : bool
         Whether to add what the path's spacing does, which takes an insertion.
+
+    Raises
+    ------
+    NoEstimateError
+        The plan has no release, or one at which the tip has not cut the skin or jumps; or an
+        insertion that the estimate needs broke off.
     """
-    if _before(plan):
-        return None
+    _refuse_unusable(plan)
     finer, how, factor = finer_tissue(simulation)
     offset = offset_on(finer, simulation, plan)
     contours = _fitted_to(simulation.scene)
@@ -66,11 +75,18 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estim
     )
 
 
-def _before(plan: Plan) -> bool:
+def _refuse_unusable(plan: Plan) -> None:
+    """Raise a `NoEstimateError` for a plan whose release can't be followed to another tissue."""
     cut, best = plan.insertion.puncture_depth, plan.best
-    if best is None or cut is None:
-        return True
-    return float(plan.insertion.axis.along(best.release_point)) <= cut
+    if best is None:
+        raise NoEstimateError("there is no release")
+    if broke_off(plan.insertion):
+        raise NoEstimateError("the insertion broke off")
+    depth = float(plan.insertion.axis.along(best.release_point))
+    if cut is None or depth <= cut:
+        raise NoEstimateError("the skin is not cut where the tip releases")
+    if at_jump(plan.insertion, depth):
+        raise NoEstimateError("the tip jumps at the depth of the release")
 
 
 def finer_tissue(simulation: Simulation) -> tuple[Simulation, str, float]:
@@ -113,7 +129,7 @@ def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     """
     assert plan.best is not None
     insertion = plan.insertion
-    number = _state(insertion, plan.best.release_point)
+    number = state_at(insertion, float(insertion.axis.along(plan.best.release_point)))
     if not _marched(insertion, number):
         return _carried_out(finer, plan)
     axis, state = insertion.axis, insertion.states[number]
@@ -126,11 +142,6 @@ def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     at_tip = change[0] + own.follow(change[1:, 1:], held, simulation.responses)
     moved: Vector = -at_tip[0] * _rate(insertion, number) - at_tip[1:] @ axis.laterals
     return moved
-
-
-def _state(insertion: Insertion, point: Vector) -> int:
-    depth = float(insertion.axis.along(point))
-    return min(int(np.searchsorted(insertion.depths, depth)), len(insertion.states) - 1)
 
 
 def _marched(insertion: Insertion, number: int) -> bool:
@@ -164,15 +175,22 @@ def path_error(simulation: Simulation, plan: Plan) -> float:
 
 
 def _carried_out(other: Simulation, plan: Plan) -> Vector:
-    """Return how far from where it was planned a release rests, by a whole insertion."""
+    """Return how far from where it was planned a release rests, by a whole insertion.
+
+    Raises
+    ------
+    NoEstimateError
+        It broke off, or ended before.
+    """
     assert plan.best is not None
     entry = other.entry_through(plan.best.release_point)
     depth = float(plan.insertion.axis.along(plan.best.release_point))
     beyond = depth + 3.0 * other.scene.discretisation.path_spacing
-    reach = Path(other.insert(entry, lambda state: state.depth > beyond)).at_depth(depth)
-    if reach is None:
-        return np.full(other.scene.dim, np.inf)
-    return np.asarray(reach.point - plan.best.placed_at)
+    found = other.insert(entry, lambda state: state.depth > beyond)
+    reading = Reader(found, plan.target).at_depth(depth)
+    if reading.reach is None:
+        raise NoEstimateError(f"on the tissue to compare with, {reading.sentence}")
+    return np.asarray(reading.reach.point - plan.best.placed_at)
 
 
 def _solver(finer: Model, coarser: Model) -> Callable[[Floats], Floats]:

@@ -5,12 +5,10 @@ import time
 from typing import NamedTuple
 
 from needlefem.arrays import Floats, Vector
-from needlefem.checks.needle import needle_resolution
 from needlefem.checks.result import CheckResult
-from needlefem.checks.tissue import preflight
-from needlefem.errors import CheckFailedError
+from needlefem.fem.skin import Entry
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.estimate import estimate
+from needlefem.planning.estimate import NoEstimateError, estimate
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Estimate, Plan
 from needlefem.progress import doing
@@ -50,12 +48,14 @@ class Wanted:
 
 
 class Made(NamedTuple):
-    """A plan, what it was made on, and the estimate of its error."""
+    """A plan, what it was made on, and the estimate of its error or why there is none."""
 
     simulation: Simulation
+    entry: Entry
     checks: tuple[CheckResult, ...]
     plan: Plan
     estimate: Estimate | None
+    not_estimated: str = ""
 
 
 def make(
@@ -82,31 +82,16 @@ def make(
         simulation.entry_of_case()  # a plan chooses its own, but the case's must be one
     planner = Planner(simulation, wanted.target)
     clock.lap("model")
-    checks = checked(simulation)
+    checks = simulation.check(planner.entry)
     clock.lap("preflight")
     found = planner.plan(wanted.search, all_solutions=wanted.all_solutions, start=start)
     clock.lap("search")
-    error = None
+    error, why = None, ""
     if path or simulation.scene.planning.estimate:
         doing("estimating what the mesh does to the placement")
-        error = estimate(simulation, found, path=path)
+        try:
+            error = estimate(simulation, found, path=path)
+        except NoEstimateError as reason:
+            why = str(reason)
         clock.lap("estimate")
-    return Made(simulation=simulation, checks=checks, plan=found, estimate=error)
-
-
-def checked(simulation: Simulation) -> tuple[CheckResult, ...]:
-    """Run the preflight on a simulation's tissue; raise `CheckFailedError` if a check fails."""
-    doing("checking the mesh")
-    checks = [*preflight(simulation.model), needle_resolution(simulation)]
-    if simulation.steps:  # a march knows nothing that sticks
-        from needlefem.checks.sticking import sticking_pieces  # noqa: PLC0415
-
-        checks.append(sticking_pieces(simulation))
-    failed = [check for check in checks if not check.passed]
-    if failed:
-        worst = failed[0]
-        raise CheckFailedError(
-            f"refused: check '{worst.name}' gives {worst.value:.3g}, at most {worst.bound:.3g} "
-            f"is allowed ({worst.requirement}); repair the mesh or choose another element"
-        )
-    return tuple(checks)
+    return Made(simulation, planner.entry, checks, found, error, why)

@@ -14,7 +14,6 @@ from needlefem.insertion.nodesimulation import InTime, NodeSimulation
 from needlefem.insertion.path import Path, Reach
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
-from needlefem.planning.making import checked
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Evidence, Plan
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
@@ -94,7 +93,7 @@ def paper_plan(
     simulation = NodeSimulation(scene, numbers, watch=watch)
     planner = Planner(simulation, _target(scene, target))
     model = time.process_time()
-    checks = checked(simulation)
+    checks = simulation.check(planner.entry)
     ready = time.process_time()
     found = planner.plan("golden")
     end = time.process_time()

@@ -7,10 +7,13 @@ import numpy as np
 
 from needlefem.arrays import Vector
 from needlefem.errors import CaseError
+from needlefem.insertion.discretised import discretised
 from needlefem.insertion.ledger import ledger
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
+from needlefem.planning.headline import with_headline
 from needlefem.planning.making import Clock, Made, Wanted, make
+from needlefem.planning.reading import at_jump, broke_off, state_at
 from needlefem.planning.result import Attempt, Evidence, Plan, PlanStatus, Refusal
 from needlefem.scene import Scene, vary
 
@@ -104,19 +107,27 @@ def _along(
     evidence = _evidence(made, trail)
     clock.lap("evidence")
     evidence = dataclasses.replace(evidence, timings=clock.laps)
-    return dataclasses.replace(made.plan, evidence=evidence)
+    return with_headline(made.plan, evidence)
 
 
 def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
     simulation, found = made.simulation, made.plan
     insertion, energies, strains = found.insertion, None, None
     warnings = [*simulation.warnings, *_loose(simulation.scene)]
-    if found.best is not None:
+    missing = {"estimate": made.not_estimated} if made.not_estimated else {}
+    if found.best is None:
+        missing |= dict.fromkeys(("energy", "validity"), "there is no release")
+    elif broke_off(insertion):
+        why = f"the insertion broke off: {insertion.outcome.sentence}"
+        missing |= dict.fromkeys(("energy", "validity"), why)
+    else:
         energies = ledger(insertion)
         depth = float(insertion.axis.along(found.best.release_point))
-        state = min(int(np.searchsorted(insertion.depths, depth)), len(insertion.states) - 1)
-        strains = validity(insertion, state)
-        warnings += strains.warnings()
+        if at_jump(insertion, depth):
+            missing["validity"] = "the tip jumps at the depth of the release"
+        else:
+            strains = validity(insertion, state_at(insertion, depth))
+            warnings += strains.warnings()
         if insertion.snaps:
             warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
     return Evidence(
@@ -125,6 +136,8 @@ def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
         validity=strains,
         estimate=made.estimate,
         trail=trail,
+        missing=missing,
+        discretisation=discretised(simulation, made.entry),
         warnings=tuple(warnings),
         skipped=simulation.resolved.skipped,
         reasons=simulation.reasons,

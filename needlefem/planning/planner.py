@@ -1,15 +1,19 @@
 """Plan where to release so that the point ends on the target."""
 
+import dataclasses
+import math
+
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import CaseError
-from needlefem.insertion.path import Path, Reach
+from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
 from needlefem.needle.clearance import Interval
 from needlefem.planning.obstacles import Candidate, Obstacles
+from needlefem.planning.reading import ROUND_OFF, Reader, Reading, Why, limit_sentence
 from needlefem.planning.result import Barred, Plan, PlanStatus, Release
 from needlefem.planning.search import (
     Found,
@@ -24,6 +28,11 @@ BEYOND = 3
 """States computed beyond the target, so that interpolation there is central."""
 SCAN = 9
 """Heights of the coarse scan for further solutions."""
+RESOLVED = 2.0
+"""Error that golden section and grid may leave, over the tolerance of their heights: it grows
+about one for one with the height."""
+ROOM = 1.05
+"""Largest depth that is proposed over the depth of a release: other heights are a little deeper."""
 
 
 class Planner:
@@ -51,22 +60,24 @@ class Planner:
         self.laterals = axis.laterals
         self.obstacles = Obstacles(simulation.scene, axis)
         self._level: Floats = np.zeros(len(self.laterals))
-        self._known: dict[tuple[float, ...], tuple[Insertion, Path]] = {}
+        self._known: dict[tuple[float, ...], Reader] = {}
+        self._max_depth = simulation.scene.motion.max_depth
 
     def path(self, height: Floats) -> Path:
         """Return the cut path at a height (shape (dim - 1,), m, relative to the target's)."""
-        return self._insert(height)[1]
+        return self.read(height).path
 
     def insertion(self, height: Floats) -> Insertion:
         """Return the insertion at a height, to just beyond the target; see `path`."""
-        return self._insert(height)[0]
+        return self.read(height).insertion
 
-    def _insert(self, height: Floats) -> tuple[Insertion, Path]:
+    def read(self, height: Floats) -> Reader:
+        """Return what reads the insertion at a height; see `path`."""
         key = tuple(float(h) for h in height)
         if key not in self._known:
             entry = self.simulation.entry_through(self.target + height @ self.laterals)
             insertion = self.simulation.insert(entry, self._passed(entry.point))
-            self._known[key] = insertion, Path(insertion)
+            self._known[key] = Reader(insertion, self.target)
         return self._known[key]
 
     def _passed(self, entry: Vector) -> "_Passed":
@@ -75,38 +86,45 @@ class Planner:
 
     def miss(self, height: Floats) -> Floats | None:
         """Return the signed lateral miss at a height; see `search.Miss`."""
-        reach = self.path(height).abeam(self.target)
+        reach = self.read(height).level().reach
         if reach is None:
             return None
         lateral: Floats = self.laterals @ (reach.point - self.target)
         return lateral
 
     def error(self, height: float) -> float:
-        """Return the placement error at the best depth of a height; see `search.Error`."""
-        reach = self.path(np.array([height])).closest(self.target)
+        """Return the placement error at the best depth of a height; see `search.Error`.
+
+        It is infinite where the insertion broke off: what it reached is not the best depth.
+        """
+        reach = self.read(np.array([height])).nearest().reach
         return np.inf if reach is None else float(np.linalg.norm(reach.point - self.target))
 
-    def release(self, height: Floats, reach: Reach | None) -> Release | None:
+    def release(self, height: Floats, reading: Reading) -> Release | None:
         """Return the release in the world that ends at a reached point."""
+        reach = reading.reach
         if reach is None:
             return None
         entry = self.insertion(height).axis.entry
         error = float(np.linalg.norm(reach.point - self.target))
-        return Release(entry + reach.depth * self.simulation.direction, reach.point, error)
+        released = entry + reach.depth * self.simulation.direction
+        return Release(released, reach.point, error, reading.sentence)
 
     def unplanned(self) -> Release | None:
         """Return the release with the tip at the target in the world, as if nothing moved."""
-        path = self.path(self._level)
-        depth = float(self.simulation.direction @ (self.target - path.entry))
-        return self.release(self._level, path.at_depth(depth))
+        return self.release(self._level, self._at_target())
 
     def depth_only(self) -> Release | None:
         """Return the best release at the target's height."""
-        return self.release(self._level, self.path(self._level).closest(self.target))
+        return self.release(self._level, self.read(self._level).nearest())
+
+    def _at_target(self) -> Reading:
+        depth = float(self.simulation.direction @ (self.target - self.entry.point))
+        return self.read(self._level).at_depth(depth)
 
     def snapped(self) -> bool:
         """Say whether the tip jumped in any insertion so far."""
-        return any(insertion.snaps for insertion, _ in self._known.values())
+        return any(known.insertion.snaps for known in self._known.values())
 
     def plan(
         self,
@@ -123,20 +141,22 @@ class Planner:
         free = self._candidate(search, begin, numbers.height_range)
         chosen, barred = self._around(search, free)
         spent = self.simulation.insertions - before
-        status, sentence = self._judge(free.solution)
+        status, sentence = self._judge(search, free.solution)
         if barred is not None:
             status, sentence = self._judge_barred(chosen, barred)
         solution = free.solution if chosen is None else chosen.solution
         best = None if chosen is None else chosen.release
         scanned = self.simulation.insertions
         others = self._others(solution) if all_solutions else None
+        level = {"unplanned": self._at_target(), "depth_only": self.read(self._level).nearest()}
         return Plan(
             status=status,
             sentence=sentence,
             target=self.target,
             best=best,
-            unplanned=self.unplanned(),
-            depth_only=self.depth_only(),
+            unplanned=self.release(self._level, level["unplanned"]),
+            depth_only=self.release(self._level, level["depth_only"]),
+            missing={name: read.sentence for name, read in level.items() if read.reach is None},
             search=search,
             solution=solution,
             insertions=spent,
@@ -150,7 +170,7 @@ class Planner:
 
     def _candidate(self, search: str, start: Floats, within: Interval) -> Candidate:
         solution = self._search(search, start, within)
-        return Candidate(solution, self.release(solution.height, self._best_reach(solution)))
+        return Candidate(solution, self.release(solution.height, self._best(solution)))
 
     def _around(self, search: str, free: Candidate) -> tuple[Candidate | None, Barred | None]:
         """Return the best candidate that keeps away from obstacles, and what they barred."""
@@ -172,11 +192,13 @@ class Planner:
         method = golden_section if search == "golden" else grid
         return method(self.error, *within, numbers.golden_tolerance)
 
-    def _best_reach(self, solution: Solution) -> Reach | None:
-        path = self.path(solution.height)
+    def _best(self, solution: Solution) -> Reading:
+        known = self.read(solution.height)
         # a root is solved level with the target; elsewhere the nearest point counts
-        level = path.abeam(self.target) if solution.found is Found.SOLVED else None
-        return level if level is not None else path.closest(self.target)
+        level = known.level()
+        if solution.found is Found.SOLVED and level.reach is not None:
+            return level
+        return known.nearest()
 
     def _root(self, start: Floats, within: Interval) -> Solution:
         numbers = self.simulation.scene.planning
@@ -192,32 +214,75 @@ class Planner:
         for a, b in sign_changes(self.miss, low, high, SCAN):
             if not a <= float(solution.height[0]) <= b:
                 root = self._root(np.array([0.5 * (a + b)]), (a, b))
-                release = self.release(root.height, self._best_reach(root))
+                release = self.release(root.height, self._best(root))
                 if root.found is Found.SOLVED and self.obstacles.barrier(release) is None:
                     found.append(float(root.height[0]))
         return tuple(found)
 
-    def _judge(self, solution: Solution) -> tuple[PlanStatus, str]:
+    def _judge(self, search: str, solution: Solution) -> tuple[PlanStatus, str]:
         """Put the end of the search into a status and a sentence."""
-        low, high = self.simulation.scene.planning.height_range
+        numbers = self.simulation.scene.planning
+        low, high = numbers.height_range
         missed = f"the best height tried misses by {100 * solution.miss:.3g} cm"
+        if solution.found is Found.UNREACHABLE:
+            failed = [height for height, miss in solution.tried if miss is None or np.isinf(miss)]
+            return self._out_of_reach(failed[-1], self.read(failed[-1]).level())
+        if solution.found is Found.SOLVED and search != "root":
+            best = self._best(solution)
+            if best.why is not None:
+                return self._out_of_reach(solution.height, best)
+            if solution.miss > RESOLVED * numbers.golden_tolerance:
+                height = float(solution.height[0])
+                inside = min(height - low, high - height) > numbers.golden_tolerance
+                found = Found.NOT_CONVERGED if inside else Found.OUTSIDE_RANGE
+                solution = dataclasses.replace(solution, found=found)
         if solution.found is Found.SOLVED:
-            return PlanStatus.PLANNED, f"misses by {100 * solution.miss:.2g} cm on this model"
+            left = f"the search leaves {100 * solution.miss:.2g} cm on this model"
+            return PlanStatus.PLANNED, left
         if solution.found is Found.OUTSIDE_RANGE:
             where = f"between {100 * low:+.3g} and {100 * high:+.3g} cm of the target's height"
-            return PlanStatus.OUTSIDE_RANGE, f"no height {where} hits the target; {missed}"
-        if solution.found is Found.UNREACHABLE:
-            failed = [height for height, miss in solution.tried if miss is None]
-            why = self.insertion(failed[-1]).outcome.sentence
-            sentence = f"the tip does not come level with the target: {why}"
-            return PlanStatus.UNREACHABLE, sentence
+            return PlanStatus.OUTSIDE_RANGE, (
+                f"no height {where} hits the target; {missed}; widen planning.height_range"
+            )
         return PlanStatus.NOT_CONVERGED, f"the search did not converge; {missed}"
+
+    def _out_of_reach(self, height: Floats, reading: Reading) -> tuple[PlanStatus, str]:
+        """Put what keeps the tip from the target at a height into a status and a sentence."""
+        if reading.why is Why.BROKE_OFF:
+            where = ", ".join(f"{100 * float(h):+.3g} cm" for h in height)
+            return PlanStatus.NOT_CONVERGED, f"at a height of {where}, {reading.sentence}"
+        if reading.why is not Why.MAX_DEPTH:
+            why = reading.sentence
+            return PlanStatus.UNREACHABLE, f"the tip does not come level with the target: {why}"
+        limit = limit_sentence(self._max_depth)
+        needed = self._depth_needed(height)
+        if needed.reach is None:
+            return PlanStatus.UNREACHABLE, (
+                f"the target lies beyond {limit}, and a deeper needle does not reach it either: "
+                f"{needed.sentence}"
+            )
+        depth = needed.reach.depth
+        return PlanStatus.BEYOND_MAX_DEPTH, (
+            f"the release is {100 * depth:.3g} cm deep, beyond {limit}; "
+            f'set motion.max_depth to "{_rounded_up(100.0 * ROOM * depth)} cm" or more'
+        )
+
+    def _depth_needed(self, height: Floats) -> Reading:
+        """Return where the tip comes level with the target if the motion may go deeper."""
+        entry = self.simulation.entry_through(self.target + height @ self.laterals)
+        size = float(np.linalg.norm(np.ptp(self.simulation.model.nodes, axis=0)))
+        deeper = self.simulation.insert(entry, self._passed(entry.point), max_depth=size)
+        return Reader(deeper, self.target, size).level()
 
     def _judge_barred(self, chosen: Candidate | None, barred: Barred) -> tuple[PlanStatus, str]:
         """Put what obstacles left of the heights into a status and a sentence."""
-        without = f"without obstacles the best needle {barred.passing}"
+        without = barred.sentence
         if chosen is None or chosen.release is None:
             return PlanStatus.UNREACHABLE, f"no height is allowed; {without}"
+        best = self._best(chosen.solution)
+        if best.why is not None:
+            status, sentence = self._out_of_reach(chosen.solution.height, best)
+            return status, f"{sentence}; {without}"
         error, least = chosen.release.placement_error, barred.release.placement_error
         missed = f"misses by {100 * error:.2g} cm"
         close = error <= least + self.simulation.scene.planning.golden_tolerance
@@ -237,3 +302,9 @@ class _Passed:
         passed = float(state.tip @ self._direction) > self._target and state.depth > self._depth
         self._beyond = self._beyond + 1 if passed else 0
         return self._beyond >= BEYOND
+
+
+def _rounded_up(value: float) -> str:
+    """Return a positive number with two digits, not less."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return f"{math.ceil(value / unit - ROUND_OFF) * unit:.2g}"

@@ -6,9 +6,9 @@ import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.errors import SimulationError
-from needlefem.insertion.path import Path
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
+from needlefem.planning.reading import Reader
 from needlefem.planning.result import Plan
 from needlefem.planning.sizes import Sizes, longest
 from needlefem.resolve import cell_shape
@@ -64,7 +64,8 @@ def placed_on(exact: Simulation, plan: Plan) -> Vector | None:
     entry = exact.entry_through(plan.best.release_point)
     depth = float(exact.direction @ (plan.best.release_point - entry.point))
     beyond = depth + 3.0 * exact.scene.discretisation.path_spacing
-    reach = Path(exact.insert(entry, lambda state: state.depth > beyond)).at_depth(depth)
+    found = exact.insert(entry, lambda state: state.depth > beyond)
+    reach = Reader(found, plan.target).at_depth(depth).reach
     return None if reach is None else reach.point
 
 
@@ -130,6 +131,7 @@ class Exact:
 
         None: deeper than the insertions that a plan needs.
         """
-        path = self._planner.path(height)
-        reach = path.at_depth(depth - float(self._simulation.direction @ path.entry))
+        known = self._planner.read(height)
+        entry = float(self._simulation.direction @ known.insertion.axis.entry)
+        reach = known.at_depth(depth - entry).reach
         return None if reach is None else reach.point

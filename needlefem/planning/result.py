@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
+from needlefem.insertion.discretised import Discretised
 from needlefem.insertion.result import Insertion, Ledger
 from needlefem.insertion.validity import Validity
 from needlefem.needle.clearance import Passing
@@ -20,6 +21,7 @@ class PlanStatus(StrEnum):
     OUTSIDE_RANGE = "outside_range"
     BLOCKED = "blocked"
     UNREACHABLE = "unreachable"
+    BEYOND_MAX_DEPTH = "beyond_max_depth"
     NOT_CONVERGED = "not_converged"
     NOT_ACCURATE = "not_accurate"
 
@@ -36,11 +38,14 @@ class Release:
         Resting place, in the undeformed tissue.
     placement_error : float, m
         Distance of the resting place from the target.
+    note : str
+        What keeps the needle from a better release, if anything does.
     """
 
     release_point: Vector
     placed_at: Vector
     placement_error: float
+    note: str = ""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -49,6 +54,11 @@ class Barred:
 
     release: Release
     passing: Passing
+
+    @property
+    def sentence(self) -> str:
+        """What obstacles stand in the way of."""
+        return f"without obstacles the best needle {self.passing}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,9 +133,13 @@ class Evidence:
     validity : Validity or None
         Strains at the planned release.
     estimate : Estimate or None
-        Of the placement's discretisation error; None if it was not asked for or nothing is cut.
+        Of the placement's discretisation error; None if it was not asked for or can't be had.
     trail : tuple of Attempt
         Discretisations tried for `planning.accuracy`; the plan is the last one's.
+    missing : mapping
+        Why something is None that was asked for, by its name in JSON.
+    discretisation : Discretised or None
+        What the plan was made on.
     warnings : tuple of str
     skipped, reasons : mapping
         What the scene did without, and why it was resolved as it was.
@@ -138,6 +152,8 @@ class Evidence:
     validity: Validity | None
     estimate: Estimate | None = None
     trail: tuple[Attempt, ...] = ()
+    missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    discretisation: Discretised | None = None
     warnings: tuple[str, ...]
     skipped: Mapping[str, str]
     reasons: Mapping[str, str]
@@ -159,6 +175,8 @@ class Plan(Shown):
         Released with the tip at the target in the world, as if nothing moved.
     depth_only : Release or None
         At the target's height, at the best depth.
+    missing : mapping
+        Why a release is None, by its name in JSON.
     search : str
         Which search was used.
     solution : Solution
@@ -187,6 +205,7 @@ class Plan(Shown):
     best: Release | None
     unplanned: Release | None
     depth_only: Release | None
+    missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
     search: str
     solution: Solution
     insertions: int

@@ -8,7 +8,7 @@ import numpy as np
 from needlefem.arrays import Vector
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.estimate import HALVED, offset_on, path_error
+from needlefem.planning.estimate import HALVED, NoEstimateError, offset_on, path_error
 from needlefem.planning.result import Plan
 from needlefem.scene import BoxMesh, Scene, one_contour_size, vary
 
@@ -93,10 +93,14 @@ def finer(sizes: Sizes, scene: Scene, simulation: Simulation, plan: Plan, share:
     to leave half of it.
     """
     parts = {"path": path_error(simulation, plan)}
+    chosen: list[str] = []
     for name in ("corridor", "contour", "bulk") if scene.regions else ("corridor", "bulk"):
         other = Simulation(sizes.halved(name).scene(scene, plan.target))
-        parts[name] = HALVED * float(np.linalg.norm(offset_on(other, simulation, plan)))
-    wanted, chosen = MARGIN * share * sum(parts.values()), []
+        try:
+            parts[name] = HALVED * float(np.linalg.norm(offset_on(other, simulation, plan)))
+        except NoEstimateError:
+            chosen.append(name)  # what can't be measured is halved
+    wanted = MARGIN * share * sum(parts.values())
     for name in sorted(parts, key=lambda name: -parts[name]):
         if sum(parts.values()) <= wanted:
             break

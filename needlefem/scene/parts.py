@@ -269,6 +269,12 @@ class Outputs(Validated):
     pictures: tuple[str, ...] = knob(
         "Pictures to draw: stages, depth, height", default=("stages", "depth", "height")
     )
+    strain_limit: float = knob(
+        "Largest strain away from the tip that small strain is trusted with; the first line says "
+        "whether a result is beyond it",
+        default=0.3,
+        low=0.0,
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

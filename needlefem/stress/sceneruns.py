@@ -22,7 +22,7 @@ from needlefem.insertion.state import Way
 from needlefem.insertion.validity import validity
 from needlefem.output.files import to_json
 from needlefem.output.records import insertion_record, ledger_record
-from needlefem.planning.making import Wanted, checked, make
+from needlefem.planning.making import Wanted, make
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene
 from needlefem.stress.draw import draw_case
@@ -111,7 +111,7 @@ def carry_out(
     if command == "plan":
         assert scene.target is not None
         return _planned(scene, make(simulation, Wanted(target=np.array(scene.target))).plan)
-    checked(simulation)
+    simulation.check()
     insertion = simulation.move(simulation.entry_of_case())
     ends = [insertion.tips[-1:], *(seed.point[None] for seed in insertion.seeds)]
     answer = Answer(

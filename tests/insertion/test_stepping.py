@@ -13,7 +13,6 @@ from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import Way
 from needlefem.insertion.sticking import STICK_CONDITION
 from needlefem.materials import Viscoelastic
-from needlefem.planning.making import checked
 from needlefem.scene import Scene, Stage, vary
 
 IN_AND_OUT = (Stage(to=0.025), Stage(hold=1.0, release="seed"), Stage(to=-1e-3))
@@ -223,7 +222,7 @@ FINE = {"discretisation.path_spacing": 0.3e-3}
 
 def test_what_sticks_on_short_segments_is_held_by_a_penalty(organ: Scene) -> None:
     simulation = Simulation(vary(organ, {**FINE, "motion.stages": IN_AND_OUT}))
-    checks = {check.name: check for check in checked(simulation)}
+    checks = {check.name: check for check in simulation.check()}
     assert checks["sticking pieces"].passed
     found = simulation.sticking(simulation.entry_of_case())
     assert found.rigid_condition > STICK_CONDITION
@@ -260,10 +259,10 @@ def test_turning_back_on_short_segments_converges_with_the_penalty(organ: Scene)
 def test_a_penalty_that_is_too_stiff_is_refused_with_one_that_is_not(organ: Scene) -> None:
     changes = {**FINE, "motion.stages": IN_AND_OUT, "needle.stick_stiffness": 1e18}
     with pytest.raises(CaseError, match=r"needle\.stick_stiffness: 1e\+18 is too stiff") as caught:
-        checked(Simulation(vary(organ, changes)))
+        Simulation(vary(organ, changes)).check()
     value = float(str(caught.value).rsplit("write ", 1)[1])
     simulation = Simulation(vary(organ, changes | {"needle.stick_stiffness": value}))
-    assert all(check.passed for check in checked(simulation))
+    assert all(check.passed for check in simulation.check())
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,11 @@
+import re
+
 import numpy as np
 import pytest
 
 from needlefem.errors import CaseError, CheckFailedError
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
-from needlefem.planning.making import checked
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import PlanStatus
@@ -65,18 +66,27 @@ def test_target_out_of_the_range_is_said(organ: Scene) -> None:
     assert "no height between +0.05 and +0.2 cm of the target's height hits" in found.sentence
 
 
-def test_target_out_of_reach_is_said(organ: Scene) -> None:
-    found = plan(vary(organ, {"motion.max_depth": 0.01}))
-    assert found.status is PlanStatus.UNREACHABLE
-    assert "does not come level with the target: reached" in found.sentence
-    assert found.best.placement_error > 1e-3
+@pytest.mark.parametrize("search", ["root", "golden", "grid"])
+@pytest.mark.parametrize("depth", [1e-4, 0.01, 0.022])
+def test_max_depth_bounds_every_plan_and_is_named(organ: Scene, search: str, depth: float) -> None:
+    shallow = vary(organ, {"motion.max_depth": depth, "planning.golden_tolerance": 5e-4})
+    found = plan(shallow, search=search)
+    assert found.status is PlanStatus.BEYOND_MAX_DEPTH
+    assert f"motion.max_depth = {100 * depth:.4g} cm" in found.sentence
+    for release in (found.best, found.unplanned, found.depth_only):
+        if release is not None:
+            assert float(found.level.axis.along(release.release_point)) <= depth + 1e-9
+    proposed = re.search(r'set motion.max_depth to "([\d.]+) cm"', found.sentence)
+    again = plan(vary(shallow, {"motion.max_depth": 1e-2 * float(proposed[1])}), search=search)
+    assert again.status is PlanStatus.PLANNED
 
 
 def test_target_before_puncture_is_said(organ: Scene) -> None:
     found = plan(vary(organ, {"motion.max_depth": 1e-4}))
-    assert found.status is PlanStatus.UNREACHABLE
-    assert "the skin is cut at" in found.sentence
     assert found.best is None
+    assert found.missing["unplanned"].startswith("a release at 2 cm is deeper than")
+    assert found.missing["depth_only"].startswith("the skin is cut deeper than")
+    assert set(found.evidence.missing) == {"estimate", "energy", "validity"}
 
 
 def test_target_outside_the_tissue_is_refused(organ: Scene) -> None:
@@ -96,7 +106,7 @@ def test_nothing_is_planned_on_a_tissue_that_fails_a_check(organ: Scene) -> None
     broken = simulation.model.stiffness.matrix  # no longer symmetric, nor blind to rigid motion
     broken.data[100] *= 1.0 + 1e-6
     with pytest.raises(CheckFailedError, match="refused: check 'rigid motion' gives"):
-        checked(simulation)
+        simulation.check()
 
 
 def test_oblique_needle(organ: Scene) -> None:

@@ -64,11 +64,12 @@ def draw_figures(scene: Scene, page: Path, folder: Path) -> list[Figure]:
     Raises
     ------
     SimulationError
-        The scene's plan has no release.
+        The scene's plan has no release, or what happens without it is not known.
     """
     found = plan(scene)
     if found.best is None or found.unplanned is None or found.depth_only is None:
-        raise SimulationError(f"no figures without a release: {found.sentence}")
+        why = "; ".join([found.sentence, *found.missing.values()])
+        raise SimulationError(f"without releases there are no figures: {why}")
     depth = _depth(found.unplanned, found)
     draw_stages(scene, found, folder / "figure-1.webp", ultrasound=True)
     angle = draw_turning(found.level, depth, folder / "figure-3.png")
@@ -112,7 +113,7 @@ def _placement(unplanned: Release, best: Release) -> Figure:
         rows=(
             ("unplanned seed rests at", "(1.41, 2.21) cm", _point(unplanned.placed_at, 3)),
             ("unplanned placement error", "0.79 cm", _error(unplanned.placement_error)),
-            ("planned placement error", "0.003 cm", _error(best.placement_error)),
+            ("left by the search on the planning model", "0.003 cm", _error(best.placement_error)),
         ),
     )
 
@@ -162,7 +163,7 @@ def _heights(best: Release, found: Plan) -> Figure:
         rows=(
             ("best height", "1.59 cm", f"{100 * height:.3f} cm"),
             ("best depth", "3.80 cm", f"{100 * float(axis.along(best.release_point)):.3f} cm"),
-            ("error there", "0.003 cm", _error(best.placement_error)),
+            ("left there by the search", "0.003 cm", _error(best.placement_error)),
         ),
     )
 
@@ -176,6 +177,6 @@ def _targets(table: TargetTable) -> Figure:
         "(left) and with plans (right).",
         rows=(
             ("unplanned error, mean (SD)", "0.59 (0.10) cm", ours),
-            ("planned error, mean", "0.002 cm", _error(table.planned_mean)),
+            ("left by the searches, mean", "0.002 cm", _error(table.planned_mean)),
         ),
     )

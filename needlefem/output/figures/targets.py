@@ -60,8 +60,12 @@ def draw_targets_hit(scene: Scene, table: TargetTable, path: Path) -> Path:
     """Draw targets and where seeds come to rest, without (left) and with plans (right)."""
     plans = table.plans
     columns = (
-        ("without planning", [plan.unplanned for plan in plans], table.unplanned_mean),
-        ("with planning", [plan.best for plan in plans], table.planned_mean),
+        ("without planning: mean error", [plan.unplanned for plan in plans], table.unplanned_mean),
+        (
+            "with planning: left by the searches, mean",
+            [plan.best for plan in plans],
+            table.planned_mean,
+        ),
     )
     style, targets = Style(), [plan.target for plan in plans]
     plotter = renderer().Plotter(
@@ -76,7 +80,7 @@ def draw_targets_hit(scene: Scene, table: TargetTable, path: Path) -> Path:
         _placements(canvas, targets, releases, scene.needle.tip_radius)
         near = np.vstack([canvas.screen(r.contour.points) for r in scene.regions.values()])
         panel.look(Window.around(near, 0.1))
-        panel.line(f"{title}: mean error {_length(mean)}")
+        panel.line(f"{title} {_length(mean)}")
         panel.note("cross: target, dot: seed")
     return save(plotter, path)
 

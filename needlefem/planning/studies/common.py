@@ -3,9 +3,10 @@
 import numpy as np
 
 from needlefem.errors import CaseError
-from needlefem.insertion.path import Path, Reach
+from needlefem.insertion.path import Reach
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
+from needlefem.planning.reading import Reader
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene, vary
 
@@ -18,7 +19,10 @@ def planner_of(scene: Scene) -> Planner:
 
 
 def carry_out(scene: Scene, plan: Plan) -> Reach | None:
-    """Return where a planned release ends in another scene; None if it is not reached there."""
+    """Return where a planned release ends in another scene; None if it is not reached there.
+
+    Nor is it where the insertion breaks off, or is deeper than the scene's motion may go.
+    """
     if plan.best is None:
         return None
     direction = tuple(plan.insertion.axis.direction.tolist())
@@ -27,4 +31,4 @@ def carry_out(scene: Scene, plan: Plan) -> Reach | None:
     entry = simulation.entry_through(release)
     depth = float(simulation.direction @ (release - entry.point))
     insertion = simulation.insert(entry, lambda state: state.depth > depth + 3e-3)
-    return Path(insertion).at_depth(depth)
+    return Reader(insertion, plan.target).at_depth(depth).reach

@@ -130,9 +130,10 @@ def _noise(scene: Scene, start: Floats) -> Table:
         for apart in APART:
             values = []
             for number in range(HEIGHTS):
-                reach = planner.path(start + number * apart).abeam(target)
+                reading = planner.read(start + number * apart).level()
+                reach = reading.reach
                 if reach is None:
-                    raise SimulationError(f"{name}: the target is not reached")
+                    raise SimulationError(f"{name}: {reading.sentence}")
                 values.append([float((reach.point - target) @ planner.laterals[0]), reach.depth])
             second = np.abs(np.diff(np.array(values), 2, axis=0)).max(axis=0)
             rows.append([name, 1e6 * apart, 100.0 * float(second[0]), 100.0 * float(second[1])])
@@ -152,17 +153,25 @@ def _targets(scene: Scene) -> Table:
         OURS: [own_plan(scene, target=target) for target in targets],
     }
     for name, plans in found.items():
-        errors = 100.0 * np.array([_missed(one.plan.best) for one in plans])
-        naive = 100.0 * np.array([_missed(one.plan.unplanned) for one in plans])
+        errors = _missed([one.plan.best for one in plans])
+        naive = _missed([one.plan.unplanned for one in plans])
         spent = float(np.mean([one.seconds for one in plans]))
         shown = [f"{values.mean():.2g} ({values.std(ddof=1):.1g})" for values in (naive, errors)]
-        rows.append([name, *shown, float(errors.max()), spent])
-    columns = ("unplanned, mean (SD) (cm)", "planned, mean (SD) (cm)", "worst (cm)", "processor s")
+        rows.append([name, *shown, float(errors.max()), len(plans) - len(errors), spent])
+    columns = (
+        "unplanned, mean (SD) (cm)",
+        "planned, mean (SD) (cm)",
+        "worst (cm)",
+        "no plan",
+        "processor s",
+    )
     return Table(title=f"{len(targets)} targets", columns=("method", *columns), rows=rows)
 
 
-def _missed(release: Release | None) -> float:
-    return np.inf if release is None else release.placement_error
+def _missed(releases: list[Release | None]) -> Floats:
+    """Return the errors of the releases that are there, cm; NaN if there is none."""
+    found = [100.0 * release.placement_error for release in releases if release is not None]
+    return np.array(found or [np.nan])
 
 
 def _times(scene: Scene) -> Table:

@@ -6,6 +6,7 @@ or with other parameters it misses by what should be expected of it.
 
 import numpy as np
 
+from needlefem.errors import SimulationError
 from needlefem.planning.studies.common import carry_out, planner_of
 from needlefem.scene import Scene, field_of, vary
 from needlefem.table import Table
@@ -14,6 +15,8 @@ from needlefem.table import Table
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     """Return where the case's plan ends elsewhere."""
     plan = planner_of(scene).plan()
+    if plan.best is None:
+        raise SimulationError(f"no plan to carry out: {plan.sentence}")
     elsewhere = {"the case itself": scene} | perturbed(scene)
     if other is not None:
         elsewhere[f"on '{other.title}'"] = other

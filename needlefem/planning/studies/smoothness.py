@@ -28,9 +28,11 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         values = []
         for number in range(HEIGHTS):
             height = start + number * apart
-            reach = planner.path(height).abeam(planner.target)
+            reading = planner.read(height).level()
+            reach = reading.reach
             if reach is None:
-                raise SimulationError(f"the target is not reached at height {height} m")
+                where = 100.0 * float(height[0])
+                raise SimulationError(f"at a height of {where:+.4g} cm, {reading.sentence}")
             values.append(
                 [float((reach.point - planner.target) @ planner.laterals[0]), reach.depth]
             )

@@ -1,6 +1,7 @@
 """Many targets: how well the planner does on points drawn at random."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class TargetTable:
 
     @property
     def unplanned_mean(self) -> float:
-        """Mean placement error without planning, over all targets, m."""
+        """Mean placement error without planning, over the targets where it is known, m."""
         return float(np.mean(self._unplanned()))
 
     @property
@@ -36,15 +37,26 @@ class TargetTable:
 
     @property
     def planned_mean(self) -> float:
-        """Mean placement error after planning, over all targets, m."""
-        return float(np.mean([_error(plan.best) for plan in self.plans]))
+        """Mean placement error after planning, over the targets with a plan, m."""
+        return float(np.mean(_known([plan.best for plan in self.plans])))
+
+    @property
+    def unknown(self) -> tuple[Plan, ...]:
+        """Plans whose unplanned release is not known: its insertion broke off, or ended before."""
+        return tuple(plan for plan in self.plans if plan.unplanned is None)
 
     def _unplanned(self) -> list[float]:
-        return [_error(plan.unplanned) for plan in self.plans]
+        return _known([plan.unplanned for plan in self.plans])
 
 
-def _error(release: Release | None) -> float:
-    return np.inf if release is None else release.placement_error
+def _known(releases: Sequence[Release | None]) -> list[float]:
+    """Return the errors of the releases that are there; NaN if there is none."""
+    errors = [release.placement_error for release in releases if release is not None]
+    return errors or [np.nan]
+
+
+def _error(release: Release | None) -> str | float:
+    return "not known" if release is None else 100.0 * release.placement_error
 
 
 def draw_targets(scene: Scene) -> Points:
@@ -72,10 +84,10 @@ def target_table(scene: Scene, targets: Points) -> TargetTable:
 def _row(plan: Plan, golden: Plan) -> list[object]:
     return [
         *(100.0 * plan.target).tolist(),
-        100.0 * _error(plan.unplanned),
-        100.0 * _error(plan.best),
+        _error(plan.unplanned),
+        _error(plan.best),
         plan.insertions,
-        100.0 * _error(golden.best),
+        _error(golden.best),
         golden.insertions,
         len(plan.insertion.snaps),
         plan.status,
@@ -95,6 +107,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         "unplanned_sd": found.unplanned_sd,
         "planned_mean": found.planned_mean,
         "unsolved": len(found.unsolved),
+        "unknown": len(found.unknown),
         "snaps": sum(len(plan.insertion.snaps) for plan in found.plans),
         "most_insertions": max(plan.insertions for plan in found.plans),
         "golden_insertions": max(plan.insertions for plan in by_golden),
@@ -115,7 +128,8 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
             rows=rows,
             note=f"means: unplanned {100 * found.unplanned_mean:.3f} cm (SD "
             f"{100 * found.unplanned_sd:.3f}), planned {100 * found.planned_mean:.1e} cm; "
-            f"{len(found.unsolved)} without a solution",
+            f"{len(found.unsolved)} without a solution"
+            + (f", {len(found.unknown)} unplanned ones not known" if found.unknown else ""),
             summary=summary,
         )
     ]

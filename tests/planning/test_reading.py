@@ -1,0 +1,148 @@
+"""Evidence of insertions that broke off is missing, with the reason; it is no number."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from needlefem.errors import SimulationError
+from needlefem.insertion.result import Insertion, Outcome, Status
+from needlefem.insertion.simulation import Simulation
+from needlefem.output.records import plan_record
+from needlefem.planning.plan import plan
+from needlefem.planning.planner import Planner
+from needlefem.planning.reading import Reader, Why, at_jump
+from needlefem.planning.result import PlanStatus
+from needlefem.planning.studies import robust, targets
+from needlefem.planning.studies.common import carry_out
+from needlefem.scene import Scene, TargetDraw, vary
+
+BROKEN = Outcome(Status.NOT_CONVERGED, "no equilibrium at depth 0.01 m")
+Break = Callable[[Callable[[Simulation, float], bool]], None]
+
+
+@pytest.fixture
+def breaking(monkeypatch: pytest.MonkeyPatch) -> Break:
+    """Return what lets insertions break off halfway, by simulation and lateral entry (m)."""
+    whole = Simulation.insert
+
+    def install(breaks: Callable[[Simulation, float], bool]) -> None:
+        def insert(self: Simulation, entry, *args, **keys) -> Insertion:  # type: ignore[no-untyped-def]
+            found = whole(self, entry, *args, **keys)
+            if not breaks(self, float(entry.point[0])):
+                return found
+            half = found.states[: len(found.states) // 2]
+            return dataclasses.replace(found, states=half, outcome=BROKEN)
+
+        monkeypatch.setattr(Simulation, "insert", insert)
+
+    return install
+
+
+def _level(organ: Scene) -> Callable[[Simulation, float], bool]:
+    return lambda _, height: abs(height - organ.target[0]) < 1e-9
+
+
+def test_evidence_of_a_broken_level_insertion_is_missing(organ: Scene, breaking: Break) -> None:
+    whole = plan(organ)
+    breaking(_level(organ))
+    found = plan(organ)
+    assert found.status is PlanStatus.PLANNED
+    assert found.best.release_point == pytest.approx(whole.best.release_point, abs=1e-7)
+    assert found.unplanned is None
+    assert found.depth_only is None
+    record = plan_record(found)
+    for name in ("unplanned", "depth_only"):
+        assert record[name] is None
+        assert "broke off at" in record["missing"][name]
+        assert BROKEN.sentence in record["missing"][name]
+    assert record["estimate"] is not None
+
+
+@pytest.mark.parametrize("search", ["golden", "grid"])
+def test_searches_do_not_take_what_broke_off_for_good(
+    organ: Scene, breaking: Break, search: str
+) -> None:
+    """Broken insertions on one side would end nearer to the target than whole ones miss it."""
+    changes = {"planning.golden_tolerance": 2.5e-4, "planning.estimate": False}
+    organ = vary(organ, changes)
+    whole = plan(organ, search=search)
+    breaking(lambda _, height: height > organ.target[0] + 4e-4)
+    found = plan(organ, search=search)
+    assert found.best.release_point == pytest.approx(whole.best.release_point, abs=3e-4)
+    broken = [h[0] > 4e-4 for h, _ in found.solution.tried]
+    assert any(broken)
+    for (_, error), ended in zip(found.solution.tried, broken, strict=True):
+        assert np.isinf(error[0]) == ended
+
+
+@pytest.mark.parametrize("search", ["root", "golden", "grid"])
+def test_a_plan_of_which_every_insertion_breaks_off(
+    organ: Scene, breaking: Break, search: str
+) -> None:
+    breaking(lambda *_: True)
+    found = plan(vary(organ, {"planning.golden_tolerance": 1e-3}), search=search)
+    assert found.status is PlanStatus.NOT_CONVERGED
+    assert BROKEN.sentence in found.sentence
+    record = plan_record(found)
+    for name in ("release_point", "unplanned", "depth_only", "energy", "validity", "estimate"):
+        assert record[name] is None, name
+    assert record["headline"]["placement_error"] is None
+    assert set(record["missing"]) == {"unplanned", "depth_only", "energy", "validity", "estimate"}
+
+
+def test_an_estimate_whose_own_insertion_breaks_off(organ: Scene, breaking: Break) -> None:
+    steps = {"discretisation.integrator": "quasi-static", "discretisation.path_spacing": 3e-3}
+    breaking(lambda simulation, _: simulation.scene.discretisation.element != "P1")
+    found = plan(vary(organ, steps))
+    assert found.status is PlanStatus.PLANNED
+    assert found.evidence.estimate is None
+    assert "on the tissue to compare with, its insertion broke off" in found.sentence
+    assert "placement error not estimated" in found.sentence
+
+
+def test_an_accuracy_is_not_met_by_an_error_that_is_not_known(
+    organ: Scene, breaking: Break
+) -> None:
+    breaking(lambda simulation, _: simulation.scene.discretisation.path_spacing > 1.5e-3)
+    thick = {"needle.tip_radius": 4e-3, "mesh.refine.corridor_width": 4e-3}
+    finer = {**thick, "planning.accuracy": 1e-4}
+    # the first spacing is 0.4 radii, 1.6 mm
+    found = plan(vary(organ, {**finer}))
+    assert found.status in (PlanStatus.NOT_CONVERGED, PlanStatus.NOT_ACCURATE)
+    assert found.evidence.estimate is None
+
+
+def test_studies_do_not_show_what_broke_off(organ: Scene, breaking: Break) -> None:
+    found = plan(organ)
+    drawn = vary(organ, {"targets": TargetDraw(region="organ", count=3, seed=1)})
+    first = targets.draw_targets(drawn)[0]
+    breaking(lambda _, height: abs(height - first[0]) < 1e-9 or height == 0.0)
+    table = targets.target_table(drawn, targets.draw_targets(drawn))
+    assert np.isfinite(table.unplanned_mean)
+    assert len(table.unknown) == 1
+    breaking(lambda *_: True)
+    assert carry_out(organ, found) is None
+    with pytest.raises(SimulationError, match="no plan to carry out"):
+        robust.study(organ)
+
+
+def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
+    """Material that the tip jumps over can't be hit, and the jump is named by every search."""
+    planner = Planner(Simulation(popping), np.array(popping.target))
+    snap = planner.insertion(np.zeros(1)).snaps[0]
+    tips = planner.insertion(np.zeros(1)).tips
+    between = 0.5 * (tips[snap.first] + tips[snap.last])
+    inside = vary(popping, {"target": tuple(between), "planning.golden_tolerance": 1e-3})
+    for search in ("root", "golden", "grid"):
+        found = plan(inside, search=search)
+        assert found.status is PlanStatus.UNREACHABLE
+        assert "the tip jumps over that material" in found.sentence
+        depth = float(found.insertion.axis.along(found.best.release_point))
+        if at_jump(found.insertion, depth):
+            assert found.evidence.validity is None
+            assert found.evidence.estimate is None
+            assert "jumps" in found.evidence.missing["validity"]
+    nearest = Reader(planner.insertion(np.zeros(1)), between).nearest()
+    assert nearest.why is Why.JUMPED
