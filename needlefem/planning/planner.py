@@ -232,6 +232,9 @@ class Planner:
             if best.why is not None:
                 return self._out_of_reach(solution.height, best)
             if solution.miss > RESOLVED * numbers.golden_tolerance:
+                level = self.read(solution.height).level()
+                if level.why is not None:
+                    return self._out_of_reach(solution.height, level)
                 height = float(solution.height[0])
                 inside = min(height - low, high - height) > numbers.golden_tolerance
                 found = Found.NOT_CONVERGED if inside else Found.OUTSIDE_RANGE

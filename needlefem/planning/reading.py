@@ -132,8 +132,8 @@ class Reader:
 
     def _ended(self, what: str) -> Reading:
         """Say why an insertion that ended as it should does not reach a point."""
-        if self._passed() and self.insertion.snaps:
-            jumps = ", ".join(f"{100 * snap.depth:.3g} cm" for snap in self.insertion.snaps)
+        if self._passed():
+            jumps = ", ".join(f"{100 * depth:.3g} cm" for depth in _jumps(self.insertion))
             return Reading(None, Why.JUMPED, f"the tip jumps over that material (at {jumps})")
         if self.insertion.outcome.status is Status.LEFT_TISSUE:
             return Reading(None, Why.LEFT_TISSUE, self.insertion.outcome.sentence)
@@ -142,7 +142,15 @@ class Reader:
 
 def at_jump(insertion: Insertion, depth: float) -> bool:
     """Say whether the tip jumps ahead at a depth (m): it is then at more than one point."""
-    return any(abs(snap.depth - depth) <= ROUND_OFF for snap in insertion.snaps)
+    return any(abs(jump - depth) <= ROUND_OFF for jump in _jumps(insertion))
+
+
+def _jumps(insertion: Insertion) -> list[float]:
+    """Return the depths at which the tip jumps, m; the last jump may not have ended."""
+    found = [snap.depth for snap in insertion.snaps]
+    if insertion.states[-1].jumping:
+        found.append(float(insertion.depths[-1]))
+    return found
 
 
 def state_at(insertion: Insertion, depth: float) -> int:

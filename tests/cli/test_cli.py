@@ -128,7 +128,7 @@ def test_missed_expectation_ends_with_1(capsys: pytest.CaptureFixture[str]) -> N
 def test_plan_without_solution_ends_with_3(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = run(capsys, "plan", CASE, "--json", "--set", "motion.max_depth=1 cm")
     assert status == 3
-    assert json.loads(out)["status"] == "unreachable"
+    assert json.loads(out)["status"] == "beyond_max_depth"
 
 
 COARSE = (
