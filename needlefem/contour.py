@@ -42,6 +42,12 @@ class Contour:
         x, y = self.points.T
         return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
+    @property
+    def length(self) -> float:
+        """Length of its line, m."""
+        start, end = self._edges
+        return float(np.sum(np.linalg.norm(end - start, axis=1)))
+
     @cached_property
     def _tree(self) -> SegmentTree:
         return SegmentTree(*self._edges)

@@ -1,5 +1,6 @@
 """From a scene to its discretised tissue."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,13 +10,19 @@ from needlefem.contour import Contour
 from needlefem.elements import element_row
 from needlefem.errors import CaseError
 from needlefem.fem import mesh as meshes
-from needlefem.fem.fit import fit_to_contour
+from needlefem.fem.cellmap import cell_measures
+from needlefem.fem.fit import fit_to_contours
 from needlefem.fem.meshfile import read_mesh
 from needlefem.fem.model import Model
 from needlefem.progress import doing
 from needlefem.resolve import resolve
 from needlefem.scene import BoxMesh, FileMesh, Scene
 
+AREA_LOST = 0.25
+"""Share of a region's area by which fitted cells may differ: chords of a circle of 7 are less."""
+TRIALS = 8
+MOST_EDGES = 4000
+"""Where a size along contours is looked for at which they can be fitted."""
 QUADRILATERAL = "quadrilateral"
 THREE_OF_A_TRIANGLE = 6.0**0.5
 """Size of a triangle over that of the three quadrilaterals which it is cut into."""
@@ -34,7 +41,12 @@ def build_mesh(scene: Scene) -> SkfemMesh:
     origin = wanted.origin or (0.0,) * scene.dim
     contours = _contours(scene)
     _check_contours(contours, np.array(origin), np.array(wanted.size))
-    mesh = _box_cells(scene, wanted, origin, contours)
+    try:
+        mesh = _box_cells(scene, wanted, origin, contours)
+    except CaseError as error:
+        if error.key != "mesh.interfaces" or "contour_size" not in error.remedy:
+            raise
+        raise CaseError(error.key, error.problem, _fitting_size(scene, wanted, contours)) from None
     return meshes.name_faces(meshes.name_regions(mesh, contours), scene.axes)
 
 
@@ -59,9 +71,43 @@ def _box_cells(
 
         mesh = meshes.refine(mesh, wanted_size)
     if fitted:
-        for contour in contours.values():
-            mesh = fit_to_contour(mesh, contour)
+        mesh = fit_to_contours(mesh, contours)
+        for name, contour in contours.items():
+            _check_area(mesh, name, contour)
     return meshes.into_quadrilaterals(mesh) if split else mesh
+
+
+def _check_area(mesh: SkfemMesh, name: str, contour: Contour) -> None:
+    """Refuse a contour whose fitted cells have another area: it has parts thinner than they."""
+    inside = contour.contains(mesh.p[:, mesh.t].mean(axis=1).T)
+    area = float(np.sum(cell_measures(mesh)[inside]))
+    if abs(area - contour.area) > AREA_LOST * contour.area:
+        problem = f"cells hold {1e6 * area:.3g} mm^2 of the {1e6 * contour.area:.3g} mm^2 that "
+        problem += f"the contour of '{name}' encloses"
+        raise CaseError("mesh.interfaces", problem, "set mesh.refine.contour_size smaller")
+
+
+def _fitting_size(scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]) -> str:
+    """Return the remedy for contours that could not be fitted: a size at which they can.
+
+    It is tried, on meshes of at most `MOST_EDGES` edges along the contours.
+    """
+    origin = wanted.origin or (0.0,) * scene.dim
+    squares = np.array(wanted.size) / np.array(wanted.divisions)
+    size = wanted.refine.contour_size or float(np.max(squares))
+    length = sum(contour.length for contour in contours.values())
+    for _ in range(TRIALS):
+        size = float(f"{size / 2.0**0.5:.2g}")
+        if length > MOST_EDGES * size:
+            break
+        refine = dataclasses.replace(wanted.refine, contour_size=size)
+        try:
+            _box_cells(scene, dataclasses.replace(wanted, refine=refine), origin, contours)
+        except CaseError:
+            continue
+        text = f"set mesh.refine.contour_size to '{1e3 * size:.2g} mm'"
+        return f"{text}, or mesh.interfaces to 'centroid'"
+    return "set mesh.interfaces to 'centroid', or draw the contours apart"
 
 
 def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:

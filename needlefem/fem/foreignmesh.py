@@ -125,8 +125,8 @@ def serve(path: str, memory: int) -> None:
         said = [line for line in printed.getvalue().splitlines() if line.strip()]
         arrays, told = {}, {"problem": _short(said[-1]) if said else "no reader takes it"}
     except Exception as error:  # whatever it is, it is told to the caller
-        text = str(error) or type(error).__name__
-        arrays, told = {}, {"problem": _short(f"{text} ({type(error).__name__})")}
+        text = _short(f"its reader raised {type(error).__name__}: {error}".rstrip(": "))
+        arrays, told = {}, {"problem": text}
     if "problem" in told:
         told.setdefault("remedy", REMEDY)
     np.savez(out, told=np.array(json.dumps(told)), **arrays)

@@ -203,7 +203,8 @@ def name_regions(
     for name in chosen:
         if not cells[name].size:
             if name in contours:
-                remedy = "refine the mesh, enlarge the contour or check its offset"
+                size = 0.25e3 * np.sqrt(contours[name].area)
+                remedy = f"refine the mesh, to {size:.2g} mm there, or check the contour's offset"
                 raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)
             problem = "all cells of the group are in regions that come later"
             raise CaseError(f"regions.{name}", problem, "give each region cells of its own")

@@ -12,6 +12,8 @@ FLAT = 1e-6
 """A mesh is plane when its nodes are at most this share of its size out of the plane."""
 BENT = 1e-6
 """Edges are straight when their middle nodes are at most this share of the size beside them."""
+FARTHEST, SMALLEST = 1e60, 1e-60
+"""Largest coordinate and smallest size, in units of the file: products of them are numbers."""
 AXES = "xyz"
 
 
@@ -120,6 +122,7 @@ def plane_mesh(contents: Contents, unit: float) -> PlaneMesh:
     shapes = {block.corners for block in areas}
     if not shapes <= {3, 4}:
         _refuse("it has polygons of more than four corners", "save triangles or quadrilaterals")
+    _refuse_no_place(contents, areas)
     used = np.unique(np.concatenate([block.nodes[:, : block.corners].ravel() for block in areas]))
     points, axes = _plane(contents, used)
     bent = max(_bent(contents.points, block) for block in areas)
@@ -163,17 +166,22 @@ def _refuse_without_cells(contents: Contents) -> None:
     _refuse(problem, "mesh the surface, and save triangles or quadrilaterals")
 
 
-def _plane(contents: Contents, used: Ints) -> tuple[Floats, tuple[str, str]]:
-    """Return the plane coordinates of the nodes in use, shape (n, 2), and which axes they are."""
+def _refuse_no_place(contents: Contents, areas: list[CellBlock]) -> None:
+    """Refuse nodes of cells, middle nodes too, that are nowhere."""
+    used = np.unique(np.concatenate([block.nodes.ravel() for block in areas]))
     points = contents.points[used]
-    wrong = np.flatnonzero(~np.all(np.isfinite(points), axis=1))
+    wrong = np.flatnonzero(~np.all(np.abs(points) < FARTHEST, axis=1))
     if wrong.size:
         number = contents.numbers[used[wrong[0]]]
         place = ", ".join(f"{x:g}" for x in points[wrong[0]])
         _refuse(f"node {number} is at ({place})", "give every node finite coordinates")
-    with np.errstate(over="ignore"):
-        extent = np.ptp(points, axis=0)
-    if not np.all(np.isfinite(extent)) or not np.any(extent > 0.0):
+
+
+def _plane(contents: Contents, used: Ints) -> tuple[Floats, tuple[str, str]]:
+    """Return the plane coordinates of the nodes in use, shape (n, 2), and which axes they are."""
+    points = contents.points[used]
+    extent = np.ptp(points, axis=0)
+    if not extent.max() > SMALLEST:
         text = " x ".join(f"{x:g}" for x in extent)
         _refuse(f"its nodes fill {text} units", "give the nodes' coordinates")
     flat = np.flatnonzero(extent <= FLAT * extent.max())

@@ -42,8 +42,8 @@ def read_mesh(path: Path, unit: float) -> SkfemMesh:
         What was changed, such as curved edges that are read as straight.
     """
     found = read_plane_mesh(path, unit)
-    for sentence in found.repairs:
-        warnings.warn(f"{path.name}: {sentence}", stacklevel=2)
+    if found.repairs:
+        warnings.warn(f"{path.name}: {' '.join(found.repairs)}", stacklevel=1)
     return found.mesh
 
 

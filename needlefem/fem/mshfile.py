@@ -54,12 +54,13 @@ class _Text:
         try:
             self._values = np.array(body.split(), dtype=float)
         except ValueError as error:
-            _refuse(f"section ${name} holds something that is no number ({error})")
+            _refuse(f"section ${name} holds something that is no number ({_told(error)})")
 
     def table(self, rows: int, *columns: tuple[str, int]) -> list[Any]:
         """Return the next rows of columns, each (kind, width): "i" int, "s" size, "d" float."""
         width = sum(count for _, count in columns)
-        if rows < 0 or rows * width > len(self._values) - self._at:
+        left = len(self._values) - self._at
+        if min(rows, *(count for _, count in columns)) < 0 or rows * width > left:
             _refuse(f"section ${self._name} ends too early: the file is cut or damaged")
         end = self._at + rows * width
         values = self._values[self._at : end].reshape(rows, width)
@@ -97,10 +98,13 @@ class _Binary:
 
     def table(self, rows: int, *columns: tuple[str, int]) -> list[Any]:
         """See `_Text.table`."""
+        most = len(self._body)
+        if not all(0 <= count <= most for count in (rows, *(count for _, count in columns))):
+            _refuse(f"section ${self._name} ends too early: the file is cut or damaged")
         names = [f"f{n}" for n in range(len(columns))]
         shapes = [(self._kinds[kind], (count,)) for kind, count in columns]
         record = np.dtype([(name, *shape) for name, shape in zip(names, shapes, strict=True)])
-        if rows < 0 or rows * record.itemsize > len(self._body) - self._at:
+        if rows * record.itemsize > most - self._at:
             _refuse(f"section ${self._name} ends too early: the file is cut or damaged")
         values = np.frombuffer(self._body, record, rows, self._at)
         self._at += rows * record.itemsize
@@ -118,6 +122,10 @@ class _Binary:
 
 
 _Section = _Text | _Binary
+
+
+def _told(error: Exception) -> str:
+    return printable(" ".join(str(error).split())[:100])
 
 
 def _whole(values: Floats, section: str) -> Ints:
@@ -191,7 +199,7 @@ def _sections(data: bytes) -> dict[str, bytes]:
         stop = data.find(b"\n", at)
         name = data[at + 1 : stop if stop >= 0 else len(data)].strip()
         end = data.find(b"$End" + name, stop) if stop >= 0 and name else -1
-        shown = name[:40].decode("ascii", "replace")
+        shown = printable(name[:40].decode("ascii", "replace"))
         if end < 0:
             _refuse(f"section ${shown} does not end: the file is cut or damaged")
         found.setdefault(shown, data[stop + 1 : end])
@@ -208,7 +216,7 @@ def _layout(sections: dict[str, bytes]) -> _Layout:
         parts[0] if parts else ""
     )
     if version is None or len(parts) < 3 or parts[1] not in "01" or parts[2] not in "48":
-        _refuse(f"version '{' '.join(parts)[:40]}' of Gmsh's format is not read")
+        _refuse(f"version '{printable(' '.join(parts)[:40])}' of Gmsh's format is not read")
     order = ""
     if parts[1] == "1":
         order = ">" if rest[:4] == b"\0\0\0\1" else "<"

@@ -4,7 +4,19 @@ import pytest
 from needlefem.contour import Contour
 from needlefem.errors import CaseError
 from needlefem.fem import mesh as meshes
-from needlefem.fem.fit import fit_to_contour
+from needlefem.fem.build import build_mesh
+from needlefem.fem.fit import fit_to_contour, fit_to_contours
+from needlefem.materials import Isotropic
+from needlefem.scene import (
+    BoxMesh,
+    Motion,
+    Needle,
+    Refinement,
+    Region,
+    Scene,
+    Support,
+    vary,
+)
 
 
 def disc(radius: float = 0.3) -> Contour:
@@ -79,3 +91,66 @@ def test_fitting_keeps_the_outer_boundary() -> None:
     edge = mesh.p[:, mesh.boundary_nodes()]
     assert np.all(np.isclose(edge, 0.0) | np.isclose(edge, 1.0), axis=0).sum() == 4
     assert np.all(np.any(np.isclose(edge, 0.0) | np.isclose(edge, 1.0), axis=0))
+
+
+def interface(mesh: object, cells: np.ndarray) -> np.ndarray:
+    """Return the vertices between some cells and the others, shape (n, 2)."""
+    owner = np.zeros(mesh.nelements, dtype=bool)
+    owner[cells] = True
+    left, right = mesh.f2t
+    between = np.flatnonzero((right >= 0) & (owner[left] != owner[right]))
+    return mesh.p[:, np.unique(mesh.facets[:, between])].T
+
+
+def test_a_second_fit_leaves_the_first_contour() -> None:
+    """The contours are two elements apart; smoothing must not move what is fitted already."""
+    contours = {"large": disc(0.3), "small": disc(0.2)}
+    mesh = fit_to_contours(meshes.box((0, 0), (1, 1), (20, 20)), contours)
+    named = meshes.name_regions(mesh, contours)
+    outer = interface(mesh, np.concatenate([named.subdomains[name] for name in contours]))
+    assert contours["large"].distance(outer).max() < 1e-12
+    inner = interface(mesh, named.subdomains["small"])
+    assert contours["small"].distance(inner).max() < 1e-12
+
+
+def test_contours_that_meet_are_not_fitted() -> None:
+    other = disc().moved(np.array([0.2, 0.0]))
+    with pytest.raises(CaseError, match="contours of 'a' and 'b' meet at .* cm; draw them apart"):
+        fit_to_contours(meshes.box((0, 0), (1, 1), (20, 20)), {"a": disc(), "b": other})
+
+
+def bar(width: float) -> Scene:
+    """Return a scene with a thin region across half of a box of 60 mm, in cells of 5 mm."""
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    thin = Contour(np.array([12.1e-3, 20.3e-3]) + unit * np.array([30e-3, width]))
+    return Scene(
+        title="thin bar",
+        axes=("y", "z"),
+        mesh=BoxMesh(size=(0.06, 0.06), divisions=(12, 12), interfaces="fitted"),
+        materials={"fat": Isotropic(youngs_modulus=1e4, poissons_ratio=0.4)},
+        background="fat",
+        regions={"thin": Region(material="fat", contour=thin)},
+        supports={"walls": Support(faces=("z_max",))},
+        needle=Needle(tip_radius=3e-3, cutting_force=50.0, shaft_friction=8e3),
+        motion=Motion(direction=(0.0, 1.0), max_depth=0.04),
+    )
+
+
+def test_a_size_that_fits_is_named_and_does() -> None:
+    """The remedy's value is typed in, and the mesh is built."""
+    scene = bar(1.2e-3)
+    says = "the contour of 'thin' .*; set mesh.refine.contour_size to '[0-9.]+ mm', or"
+    with pytest.raises(CaseError, match=says) as refused:
+        build_mesh(scene)
+    size = float(refused.value.remedy.split("'")[1].removesuffix(" mm")) * 1e-3
+    mesh = build_mesh(vary(scene, {"mesh.refine": Refinement(contour_size=size)}))
+    area = np.abs(meshes.signed_measures(mesh))[mesh.subdomains["thin"]].sum()
+    assert area == pytest.approx(36e-6, rel=0.1)
+
+
+def test_outlines_of_many_parts() -> None:
+    """The part that encloses the most counts, not the one with the most corners."""
+    mesh = meshes.box((0, 0), (1, 1), (20, 20))
+    x, y = mesh.p[:, mesh.t].mean(axis=1)
+    cells = np.flatnonzero((x > 0.5) & (y > 0.5) | (x < 0.1) & (y < 0.4) & (x * 20 % 2 < 1))
+    assert meshes.outline(mesh, cells).area == pytest.approx(0.25)
