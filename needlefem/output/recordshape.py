@@ -22,6 +22,8 @@ KEY = "result"
 ANEW = "write the result anew"
 SAME = 1e-8
 """Relative difference up to which a number of nine digits is the one in the record."""
+UNIT = 1e-6
+"""Difference of a unit vector's length from 1."""
 TEXTS = ("tip", "event", "name")
 """Columns of words; all others hold numbers, or nothing."""
 
@@ -160,6 +162,8 @@ def _require_equal_points(record: Mapping[str, Any], file: Path) -> None:
         if len(point) != count or count not in (2, 3):
             problem = f"'{name}' in '{file}' has {len(point)} coordinates"
             raise CaseError(KEY, problem, ANEW)
+    if "direction" in points and abs(math.hypot(*points["direction"]) - 1.0) > UNIT:
+        raise _wrong(points["direction"], "a unit vector", "direction", file)
 
 
 def _require_equal_lengths(record: Mapping[str, Any], file: Path) -> None:
