@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "needlefem"
 FLOORS = [
-    ["arrays", "errors", "table", "shown", "progress"],
+    ["arrays", "errors", "pickling", "table", "shown", "progress"],
     ["units", "knobs", "inputfile", "tomltext"],
     ["validation", "segments"],
     ["contour", "foreign", "frame"],

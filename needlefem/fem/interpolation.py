@@ -11,6 +11,7 @@ from needlefem.fem.cellmap import Inverse
 from needlefem.fem.locate import Locator
 from needlefem.fem.shapes import shape_table
 from needlefem.fem.surface import Surface
+from needlefem.pickling import Lasting
 
 
 class Weights(NamedTuple):
@@ -37,7 +38,7 @@ class OutsideError(Exception):
     """All points of a functional lie outside the tissue."""
 
 
-class Interpolation:
+class Interpolation(Lasting):
     """Means of nodal fields over quadrature points anywhere in the tissue.
 
     Parameters

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from needlefem.elements import ElementRow
 from needlefem.errors import CaseError
 from needlefem.fem import assembly
 from needlefem.fem.interpolation import Interpolation
+from needlefem.pickling import lasting_state
 
 CELLS = {
     (2, 3): "triangle",
@@ -53,6 +55,16 @@ class Space:
         for axis in range(self.dim):
             self.node_dofs[self.cell_nodes.T, axis] = self.basis.element_dofs[axis :: self.dim]
         self.nodes: Points = self.basis.doflocs[:, self.node_dofs[:, 0]].T
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: no factorisations, no matrices, no basis."""
+        return lasting_state(self, "basis")
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a space; its basis is made again, with the same numbers of dofs."""
+        vars(self).update(state)
+        element = self.element
+        self.basis = assembly.displacement_basis(self.mesh, element, element.stiffness_rule)
 
     @cached_property
     def node_of(self) -> Ints:

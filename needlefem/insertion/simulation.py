@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from needlefem.materials import branches_of
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
+from needlefem.pickling import lasting_state
 from needlefem.progress import doing
 from needlefem.resolve import Resolved, resolve, stick_warnings
 from needlefem.scene import DYNAMIC, Motion, Scene
@@ -79,6 +80,10 @@ class Simulation:
         self._sticking: Sticking | None = None
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: no responses, which are computed again, and no watcher."""
+        return lasting_state(self) | {"_watch": None}
 
     @property
     def reasons(self) -> dict[str, str]:

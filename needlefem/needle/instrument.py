@@ -10,13 +10,14 @@ from needlefem.elements.quadrature import gauss_legendre
 from needlefem.fem.interpolation import Follower, Interpolation, Weights
 from needlefem.needle.axis import Axis
 from needlefem.needle.kernel import Kernel
+from needlefem.pickling import Lasting
 
 PIECE_POINTS = 5
 """Gauss points on a piece of the cut path; more change nothing at h >= spacing / 3."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Instrument:
+class Instrument(Lasting):
     """All that contact needs to know of the needle.
 
     Parameters
