@@ -10,12 +10,16 @@ from needlefem.insertion.broyden import broyden
 from needlefem.insertion.equations import Solution, StepEquations
 from needlefem.insertion.step import not_found
 
-PEAK = 1e-3
+PEAK = 1e-4
 """Part of a piece to which the path's largest depth is found."""
+NEAREST = 1e-3
+"""Part of the way to a landing at which the tip is looked at first."""
 CLOSER, CLOSEST = 0.1, 1e-9
 """How much nearer a tip that is beyond its landing is looked for, and the least such part."""
 LEAST = 0.01
 """Part of a piece that a tip which runs ahead goes at least before it is looked at."""
+LITTLE = 0.25
+"""Depth gained in half of a piece, over that in the half before, below which it may fall."""
 GAIN = 1e-9
 """Depth to be gained on the way to the largest that is worth a step, m."""
 
@@ -105,7 +109,7 @@ def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, S
     least length, of those tried, at which there is an equilibrium, and may be beyond the landing.
     """
     start = equations.track.length - equations.track.arcs[-1]
-    share, found = PEAK, None
+    share, found = NEAREST, None
     while share < 1.0:
         length = start + share * (high - start)
         try:
@@ -151,11 +155,13 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
     low = track.length - track.arcs[-1]
     high = min(goal(equations), low + room)
     step = cut_to(equations, high, depth)
+    if step is None or _may_fall(equations, step, low, high):
+        peak = _peak(equations, low, high, depth)
+        if step is None or (peak is not None and peak.depth > step.depth):
+            step = peak
     if step is None or step.depth <= start + GAIN:
-        step = _peak(equations, low, high, depth)
-        if step is None or step.depth <= start + GAIN:
-            return None
-        high = step.position.length
+        return None
+    high = step.position.length
     if step.depth <= depth:
         return step
 
@@ -168,6 +174,12 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
         return found.depth - depth
 
     return cut_to(equations, float(brentq(beyond, low, high, xtol=1e-12 * high)), depth)
+
+
+def _may_fall(equations: StepEquations, step: Solution, low: float, high: float) -> bool:
+    """Say whether depth may have a maximum within a piece: its second half gains little."""
+    middle = cut_to(equations, 0.5 * (low + high), step.depth)
+    return middle is None or step.depth - middle.depth < LITTLE * (middle.depth - equations.depth)
 
 
 def _peak(equations: StepEquations, low: float, high: float, depth: float) -> Solution | None:

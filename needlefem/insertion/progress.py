@@ -251,7 +251,8 @@ class Progress:
         track.remember(state.axial, solution.slipped)
         self._keep(found, finish=finish)
         self.arc = moment.arc
-        if ahead and solution.position.length >= (1.0 - 1e-9) * self.instrument.spacing:
+        long = solution.position.length >= (1.0 - 1e-9) * self.instrument.spacing
+        if ahead and (long or moment.whole):
             end, trial = state.end, solution.position.trial
             self.contact.adopt(trial, 1, float(state.axial[-1]), end.offset, end.compliance)
             self.pieces.append(end)

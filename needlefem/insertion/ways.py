@@ -38,12 +38,16 @@ class Moment:
     depth : float, m
     solution : Solution, optional
         None: the tip runs ahead, or the needle is out.
+    whole : bool
+        Whether the growing piece ends here, whatever its length: where the tip begins to run ahead
+        and where it stops, as in path following.
     """
 
     way: Way
     arc: float
     depth: float
     solution: Solution | None
+    whole: bool = False
 
 
 def attempt(equations: StepEquations, way: Way, arc: float, depth: float) -> Moment:
@@ -189,4 +193,5 @@ def within_piece(equations: StepEquations, new: Moment, room: float = np.inf) ->
     if found is None or not equations.depth < found.depth <= new.depth + TOLERANCE:
         return new
     there = abs(found.depth - new.depth) <= TOLERANCE
-    return Moment(Way.CUTTING, track.length, new.depth if there else found.depth, found)
+    depth = new.depth if there else found.depth
+    return Moment(Way.CUTTING, track.length, depth, found, whole=not there)
