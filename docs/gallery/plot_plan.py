@@ -15,7 +15,7 @@ plan = nf.plan(scene)
 for name, release in (("unplanned", plan.unplanned), ("planned", plan.best)):
     height, depth = 100 * release.release_point
     print(f"{name:9s}: height {height:.3f} cm, depth {depth:.3f} cm,", end=" ")
-    print(f"the seed misses by {1e3 * release.placement_error:.1g} mm")
+    print(f"on this model the seed misses by {1e3 * release.placement_error:.1g} mm")
 
 # %%
 # Before insertion, the seed released, the needle out, the error; without (left) and with the plan.

@@ -4,7 +4,15 @@ import argparse
 from typing import Any
 
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import progress, release_lines, result_of, say, say_json, warn
+from needlefem.cli.common import (
+    progress,
+    release_lines,
+    result_of,
+    say,
+    say_json,
+    search_line,
+    warn,
+)
 from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime
 from needlefem.output.files import write_json
@@ -58,8 +66,10 @@ def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
 def _summary(title: str, paper: Timed, tables: list[Table]) -> None:
     plan = paper.plan
     say(f"{title}: {plan.status}, {plan.sentence}")
-    for line in release_lines(plan):
+    for line in (*release_lines(plan), search_line(plan)):
         say(line)
+    if plan.evidence is not None:
+        say(f"  discretisation: {plan.evidence.discretisation}")
     for table in tables:
         if table.rows:
             say("\n" + table.text())

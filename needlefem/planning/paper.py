@@ -10,11 +10,14 @@ import numpy as np
 
 from needlefem.arrays import Vector
 from needlefem.errors import CaseError
+from needlefem.insertion.discretised import discretised
 from needlefem.insertion.nodesimulation import InTime, NodeSimulation
-from needlefem.insertion.path import Path, Reach
+from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
+from needlefem.planning.headline import with_headline
 from needlefem.planning.planner import Planner
+from needlefem.planning.reading import Reader
 from needlefem.planning.result import Evidence, Plan
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 
@@ -22,6 +25,7 @@ SKIPPED = {
     "retraction": "elastic tissue and the first seed: it comes to rest where it was released",
     "reassembly": "matrices change around moved nodes only, as a correction of one factor",
 }
+NOT_MADE = dict.fromkeys(("estimate", "energy", "validity"), "not made for the paper's method")
 REFINEMENTS = (1, 2)
 
 
@@ -101,6 +105,8 @@ def paper_plan(
         preflight=checks,
         ledger=None,
         validity=None,
+        missing=NOT_MADE,
+        discretisation=discretised(simulation, planner.entry),
         warnings=(*simulation.warnings, *_warnings(simulation)),
         skipped=SKIPPED,
         reasons=simulation.resolved.reasons,
@@ -109,7 +115,7 @@ def paper_plan(
     name = "conforming, needle as thick as ours" if simulation.numbers.spread else "the paper's"
     return Timed(
         name=name,
-        plan=dataclasses.replace(found, evidence=evidence),
+        plan=with_headline(found, evidence),
         seconds=model - begin + end - ready,
         steps=simulation.time_steps,
     )
@@ -199,5 +205,4 @@ def unplanned(simulation: Simulation, target: Vector) -> tuple[Reach | None, Ins
     entry = simulation.entry_through(target)
     depth = float(simulation.direction @ (target - entry.point))
     insertion = simulation.insert(entry, lambda state: state.depth > depth + 2e-3)
-    reach = Path(insertion).at_depth(depth) if insertion.depths[-1] >= depth else None
-    return reach, insertion
+    return Reader(insertion, target).at_depth(depth).reach, insertion
