@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
@@ -84,6 +85,7 @@ def main(
     # the dense products here are small: threads only cost; must be set before numpy is imported
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    warnings.formatwarning = _warning_text
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:
@@ -119,6 +121,11 @@ def _failed(sentence: str, status: int, *, debug: bool) -> int:
 def _sentence(error: OSError) -> str:
     reason = (error.strerror or str(error) or type(error).__name__).lower()
     return f"'{error.filename}': {reason}" if error.filename else reason
+
+
+def _warning_text(message: Warning | str, *_: object, **__: object) -> str:
+    """Return a warning as a user reads it: without the line of code that gave it."""
+    return f"needlefem: warning: {message}\n"
 
 
 def parser_of(given: Sequence[str] = ()) -> argparse.ArgumentParser:
