@@ -100,9 +100,7 @@ def test_plans_travel(made: Copy, tmp_path: Path) -> None:
 
 
 def test_plans_of_the_papers_method_travel() -> None:
-    plan = paper_plan(
-        load("prostate-2003", "mesh.divisions=[12, 12]", 'needle.tip_radius="3 mm"')
-    ).plan
+    plan = paper_plan(load("prostate-2003", "planning.golden_tolerance=2 mm")).plan
     other = sent(plan)
     assert np.array_equal(other.insertion.tips, plan.insertion.tips)
     assert other.best is not None

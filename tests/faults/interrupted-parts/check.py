@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,16 +15,17 @@ import needlefem
 from needlefem.errors import CaseError
 from tests.conftest import ROOT
 
-COMMAND = [sys.executable, "-m", "needlefem", "run", "case.toml", "--snapshots", "400", "--out", "o"]
+COMMAND = ["run", "case.toml", "--snapshots", "400", "--out", "o"]
 
 
 def _stopped(number):
     """Return exit status and standard error of a run that gets a signal while it writes."""
+    shutil.rmtree("o", ignore_errors=True)
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
     code += "from needlefem.cli.main import process; process()"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *COMMAND[3:]], stderr=subprocess.PIPE, env=environment,
+        [sys.executable, "-c", code, *COMMAND], stderr=subprocess.PIPE, env=environment,
         stdout=subprocess.DEVNULL,
     )  # fmt: skip
     for _ in range(1200):

