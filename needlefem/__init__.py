@@ -7,22 +7,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from needlefem.api import build_model, plan, simulate
     from needlefem.casefile.load import load_case
-    from needlefem.fem.build import build_model
-    from needlefem.insertion.simulation import simulate
     from needlefem.output.render import render
     from needlefem.output.saved import load_result
-    from needlefem.planning.plan import plan
 
 __version__ = "0.1.0"
 __all__ = ["build_model", "load_case", "load_result", "plan", "render", "simulate"]
 
 _HOMES = {
-    "build_model": "needlefem.fem.build",
+    "build_model": "needlefem.api",
     "load_case": "needlefem.casefile.load",
     "load_result": "needlefem.output.saved",
-    "simulate": "needlefem.insertion.simulation",
-    "plan": "needlefem.planning.plan",
+    "simulate": "needlefem.api",
+    "plan": "needlefem.api",
     "render": "needlefem.output.render",
 }
 

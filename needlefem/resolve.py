@@ -5,6 +5,7 @@ import math
 
 from needlefem.elements import ElementRow, element_row
 from needlefem.errors import CaseError
+from needlefem.foreign import is_foreign
 from needlefem.materials import Material, split
 from needlefem.regime import integrator_for, needs_steps
 from needlefem.scene import DYNAMIC, BoxMesh, Discretisation, FileMesh, Scene, vary
@@ -54,7 +55,9 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
         name, why = _element(scene)
         reasons["element"] = f"{name}: {why}"
         chosen = dataclasses.replace(chosen, element=name)
-    element_row(chosen.element)
+    row = element_row(chosen.element)
+    if not is_foreign(chosen.element):  # in another spelling, perhaps
+        chosen = dataclasses.replace(chosen, element=row.name)
     if chosen.kernel_points == 0:
         points = _kernel_points(scene)
         reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"

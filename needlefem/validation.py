@@ -212,8 +212,9 @@ def _choice(raw: str, declared: Knob, key: str) -> str:
     found = matching(raw, declared.choices)
     if found is None:
         remedy = "one of " + ", ".join(declared.choices)
-        problem = declared.refused.get(matching(raw, declared.refused) or "")
-        raise CaseError(key, f"{short(raw)} {problem or 'is not known'}", remedy)
+        known = matching(raw, declared.refused)
+        problem = "is not known" if known is None else declared.refused[known]
+        raise CaseError(key, f"{short(raw)} {problem}", remedy)
     return found
 
 

@@ -24,6 +24,7 @@ FLOORS = [
     ["planning"],
     ["output"],
     ["casefile"],
+    ["api"],
     ["bench", "stress"],
     ["cli"],
 ]

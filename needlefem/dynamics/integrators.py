@@ -18,7 +18,7 @@ from needlefem.dynamics.steppers import (
     Weights,
 )
 from needlefem.dynamics.systems import System
-from needlefem.errors import CaseError, nearest
+from needlefem.errors import CaseError, matching, nearest, short
 
 ROUND_OFF = 1e-9
 """Share by which a step may exceed a computed limit."""
@@ -157,9 +157,10 @@ def integrator_class(name: str, key: str) -> type:
         There is none of that name (the nearest is named), or it makes no stepper.
     """
     if not foreign.is_foreign(name):
-        if name not in NAMES:
-            raise CaseError(key, f"no integrator '{name}'", nearest(name, NAMES))
-        return NAMES[name]
+        known = matching(name, NAMES)
+        if known is None:
+            raise CaseError(key, f"no integrator {short(name)}", nearest(name, NAMES))
+        return NAMES[known]
     found = foreign.load(name, key)
     if not (isinstance(found, type) and hasattr(found, "stepper")):
         raise CaseError(key, f"'{name}' makes no stepper", "see docs/how-to/own-integrator.md")

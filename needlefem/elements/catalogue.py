@@ -6,7 +6,7 @@ from needlefem import foreign
 from needlefem.elements.mini import TriangleBubble
 from needlefem.elements.quadrature import gauss, simplex
 from needlefem.elements.row import MEAN, PRESSURE, ElementRow
-from needlefem.errors import CaseError, nearest
+from needlefem.errors import CaseError, matching, nearest, short
 
 _ROWS = (
     ElementRow(
@@ -63,9 +63,10 @@ def element_row(name: str, key: str = "discretisation.element") -> ElementRow:
         There is none of that name (the nearest is named), or it is no `ElementRow`.
     """
     if not foreign.is_foreign(name):
-        if name not in CATALOGUE:
-            raise CaseError(key, f"no element '{name}'", nearest(name, CATALOGUE))
-        return CATALOGUE[name]
+        known = matching(name, CATALOGUE)
+        if known is None:
+            raise CaseError(key, f"no element {short(name)}", nearest(name, CATALOGUE))
+        return CATALOGUE[known]
     found = foreign.load(name, key)
     if not isinstance(found, ElementRow):
         raise CaseError(key, f"'{name}' is no ElementRow", "see docs/how-to/own-element.md")

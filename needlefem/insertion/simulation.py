@@ -25,6 +25,7 @@ from needlefem.insertion.result import Insertion
 from needlefem.insertion.schedule import deepest
 from needlefem.insertion.state import State
 from needlefem.materials import branches_of
+from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.needle.axis import Axis
 from needlefem.needle.instrument import Instrument
 from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
@@ -63,7 +64,7 @@ class Simulation:
     Raises
     ------
     CaseError
-        The scene can't be built.
+        The scene can't be built, is too large for its limits, or has a law that is not linear.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class Simulation:
         self._watch = watch
         self.resolved: Resolved = resolve(scene)
         self.scene = self.resolved.scene
+        for name, law in self.scene.materials.items():
+            refuse_nonlinear(law, f"materials.{name}")
         self.model = build_model(self.scene) if model is None else model
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module
 
 from needlefem import foreign
-from needlefem.errors import CaseError, nearest
+from needlefem.errors import CaseError, matching, nearest, short
 
 HOMES = {
     "isotropic": "isotropic:Isotropic",
@@ -42,9 +42,10 @@ def law_class(name: str, key: str) -> type:
         There is none of that name (the nearest is named), or it is no dataclass.
     """
     if not foreign.is_foreign(name):
-        if name not in LAWS:
-            raise CaseError(key, f"no law '{name}'", nearest(name, LAWS))
-        return LAWS[name]
+        known = matching(name, LAWS)
+        if known is None:
+            raise CaseError(key, f"no law {short(name)}", nearest(name, LAWS))
+        return LAWS[known]
     found = foreign.load(name, key)
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise CaseError(key, f"'{name}' is no dataclass", "see docs/how-to/own-material.md")

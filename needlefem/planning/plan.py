@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,12 @@ from needlefem.planning.headline import with_headline
 from needlefem.planning.making import Clock, Made, Wanted, make
 from needlefem.planning.reading import at_jump, broke_off, state_at
 from needlefem.planning.result import Attempt, Evidence, Plan, PlanStatus, Refusal
-from needlefem.scene import Scene, vary
+from needlefem.scene import Scene, point_of, vary
 
 
 def plan(
     scene: Scene,
-    target: Vector | None = None,
+    target: Any = None,
     search: str | None = None,
     *,
     all_solutions: bool = False,
@@ -31,7 +32,7 @@ def plan(
     Parameters
     ----------
     scene : Scene
-    target : array, shape (dim,), m, optional
+    target : array, list or tuple, shape (dim,), m, optional
         The case's own target when left out.
     search : str, optional
         ``"root"`` of the signed lateral miss; ``"golden"`` section on the error, as in the paper
@@ -55,7 +56,9 @@ def plan(
     chosen = target if target is not None else scene.target
     if chosen is None:
         raise CaseError("target.point", "missing", "give a target to plan for")
-    point = np.asarray(chosen, dtype=float)
+    point = np.array(point_of(chosen, scene.dim, "target.point"))
+    if search is not None:
+        search = dataclasses.replace(scene.planning, search=search).search
     found = [_along(scene, point, search, all_solutions, watch)]
     for direction in scene.planning.directions if found[0].barred is not None else ():
         if found[-1].status is PlanStatus.PLANNED:

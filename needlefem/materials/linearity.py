@@ -1,0 +1,80 @@
+"""Whether a law is the linear one that the package solves, found from what the law answers.
+
+The needle is solved on a constant stiffness, made from a law's compliance or from its tangent at
+rest. A law whose stress is not proportional to the displacement gradient, or whose memory is in
+no branch, would silently be replaced by its linearisation.
+"""
+
+import math
+
+import numpy as np
+
+from needlefem.arrays import Floats
+from needlefem.errors import CaseError
+from needlefem.materials import voigt
+from needlefem.materials.linear import LinearElastic
+from needlefem.materials.protocol import Material
+from needlefem.materials.relaxation import HasBranches
+from needlefem.materials.split import HasCompliance
+
+AMPLITUDES = (1e-3, 0.03, 0.3)
+"""Displacement gradients of the trials: small, as in organs under a needle, and as at its tip."""
+SAME = 1e-6
+"""Relative difference of stresses up to which a law counts as linear: round-off, no physics."""
+
+
+def refuse_nonlinear(material: Material, key: str) -> None:
+    """Raise a `CaseError` for a law that would be solved as another one.
+
+    Parameters
+    ----------
+    material : Material
+    key : str
+        Name of the material in messages, such as ``materials.liver``.
+
+    Raises
+    ------
+    CaseError
+        The stress is not proportional to the displacement gradient, the compliance is that of
+        another law than the stress, or the law remembers without having branches.
+    """
+    if isinstance(material, LinearElastic) and type(material).respond is LinearElastic.respond:
+        return  # its stress is made from its compliance
+    name = type(material).__name__
+    try:
+        rest = material.respond(np.zeros((3, 3)), None, math.inf)
+    except CaseError:
+        if isinstance(material, HasCompliance):
+            return  # incompressible: its stress does not follow from the strain
+        raise
+    tangent = np.asarray(rest.tangent, dtype=float)
+    scale = float(np.abs(tangent).max())
+    for gradient in _trials():
+        stress = np.asarray(material.respond(gradient, None, math.inf).stress, dtype=float)
+        linear = np.tensordot(tangent, gradient, axes=2)
+        if not np.abs(stress - linear).max() <= SAME * scale * np.abs(gradient).max():
+            problem = f"{name} is not linear, and only linear laws are solved with a needle so far"
+            raise CaseError(key, problem, "give a linear law (verify --material checks any law)")
+    if rest.state is not None and not isinstance(material, HasBranches):
+        problem = f"{name} has a memory, but no branches(), by which tissue with a needle relaxes"
+        raise CaseError(key, problem, "derive it from LinearElastic and give its branches")
+    if isinstance(material, HasCompliance):
+        _compare(material.compliance(), tangent, name, key)
+
+
+def _trials() -> Floats:
+    """Return displacement gradients, shape (n, 3, 3): stretch, pressure, shear and all at once."""
+    stretch, shear = np.zeros((2, 3, 3))
+    stretch[0, 0] = shear[0, 1] = 1.0
+    mixed = np.array([[0.4, -0.7, 0.2], [0.9, -0.6, 0.5], [-0.3, 0.8, 1.0]])
+    shapes = np.array([stretch, np.eye(3), shear, mixed])
+    found: Floats = np.concatenate([sign * a * shapes for a in AMPLITUDES for sign in (1.0, -1.0)])
+    return found
+
+
+def _compare(compliance: Floats, tangent: Floats, name: str, key: str) -> None:
+    """Refuse a compliance that is not the inverse of the tangent."""
+    product = compliance @ voigt.tangent_matrix(tangent)
+    if not np.abs(product - np.eye(len(product))).max() <= SAME:
+        problem = f"{name}.compliance() and {name}.respond() are not the same law"
+        raise CaseError(key, problem, "derive respond() from the compliance, or leave it out")
