@@ -16,7 +16,7 @@ FLOORS = [
     ["materials", "elements", "image"],
     ["scene"],
     ["regime"],
-    ["resolve"],
+    ["resolve", "limits"],
     ["fem"],
     ["needle", "dynamics"],
     ["checks"],

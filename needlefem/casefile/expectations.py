@@ -1,20 +1,25 @@
 """What a case says its results must be."""
 
 import typing
+from collections.abc import Sequence
 from typing import Any
 
 from needlefem.casefile.tables import required
 from needlefem.errors import CaseError, short
+from needlefem.output.expectations import check_key
 from needlefem.scene import Expectation
 from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import made, refuse_unknown
 
 
-def read_expectations(items: Any) -> tuple[Expectation, ...]:
-    """Return the expectations of a case: its [[expect]] tables."""
+def read_expectations(items: Any, axes: Sequence[str]) -> tuple[Expectation, ...]:
+    """Return the expectations of a case: its [[expect]] tables; `axes` may pick coordinates."""
     if not isinstance(items, list):
         raise CaseError("expect", f"{short(items)} is not a list of tables", "write [[expect]]")
-    return tuple(read_expectation(item, number) for number, item in enumerate(items))
+    found = tuple(read_expectation(item, number) for number, item in enumerate(items))
+    for number, item in enumerate(found):
+        check_key(item.key, axes, f"expect.{number}.key")
+    return found
 
 
 def read_expectation(item: Any, number: int) -> Expectation:

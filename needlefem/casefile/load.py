@@ -148,7 +148,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
         targets=reader.fill(TargetDraw, data["targets"], "targets") if "targets" in data else None,
         outputs=reader.fill(Outputs, data.get("outputs", {}), "outputs"),
         limits=reader.fill(Limits, data.get("limits", {}), "limits"),
-        expect=read_expectations(data.get("expect", [])),
+        expect=read_expectations(data.get("expect", []), axes),
         frame=reader.fill(Frame, data["frame"], "frame") if "frame" in data else None,
     )
 

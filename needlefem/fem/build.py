@@ -14,6 +14,7 @@ from needlefem.fem.cellmap import cell_measures
 from needlefem.fem.fit import fit_to_contours
 from needlefem.fem.meshfile import read_mesh
 from needlefem.fem.model import Model
+from needlefem.limits import SPLIT, check_cells, check_mesh
 from needlefem.progress import doing
 from needlefem.resolve import resolve
 from needlefem.scene import BoxMesh, FileMesh, Scene
@@ -32,6 +33,7 @@ def build_mesh(scene: Scene) -> SkfemMesh:
     """Return the scene's mesh: box, refined, fitted, with named regions and faces."""
     doing("building the mesh")
     wanted = scene.mesh
+    check_mesh(scene)
     if isinstance(wanted, FileMesh):
         return _mesh_of_file(scene, wanted)
     for name, region in scene.regions.items():
@@ -65,7 +67,9 @@ def _box_cells(
     larger = THREE_OF_A_TRIANGLE if split else 1.0
     if fields:
 
-        def wanted_size(points: Points) -> Floats:
+        def wanted_size(points: Points) -> Floats:  # of corners, fewer than cells, and of centroids
+            cells = len(points) * (SPLIT if split else 1)
+            check_cells(scene, cells, "mesh.refine", "larger element sizes")
             least: Floats = larger * np.min([field(points) for field in fields], axis=0)
             return least
 
@@ -112,6 +116,7 @@ def _fitting_size(scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
 
 def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:
     mesh = read_mesh(wanted.path, wanted.unit)
+    check_cells(scene, mesh.nelements, "mesh.file", "a coarser mesh")
     groups = {}
     for name, region in scene.regions.items():
         if region.group is not None:

@@ -20,6 +20,7 @@ from needlefem.insertion.media import ElasticMedium, Medium
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.schedule import legs, ticks
 from needlefem.insertion.state import State
+from needlefem.limits import check_steps
 from needlefem.needle.functionals import Piece
 from needlefem.needle.instrument import Instrument
 from needlefem.scene import Motion, Scene
@@ -80,10 +81,12 @@ class Course:
         self._told = 0
         self._marched_events: list[Event] = []
         self._kept: deque[Event] = deque(maxlen=MOST_EVENTS)
+        if not (self._marches and self._alone):
+            self._check_steps()
 
     def iterate(self) -> Iterator[State]:
         """Yield the states one by one; stop early by not asking for more."""
-        if self.scene.discretisation.integrator == "march" and self._legs[0].end > 0.0:
+        if self._marches:
             yield from self._marched()
             if self._alone and self.march is not None and self.march.outcome.status in FINAL:
                 return
@@ -129,6 +132,11 @@ class Course:
         return list(found)
 
     @property
+    def _marches(self) -> bool:
+        """Whether the motion begins with a march along the path."""
+        return self.scene.discretisation.integrator == "march" and self._legs[0].end > 0.0
+
+    @property
     def _alone(self) -> bool:
         """Whether the motion is one push and no more."""
         return len(self._legs) == 1 and not self._legs[0].releases
@@ -157,13 +165,7 @@ class Course:
         friction = self._friction()
         stepping = Stepping(self.instrument, self.medium, self.model, friction)
         self.stepping = stepping
-        spacing = self.instrument.spacing
-        wanted = self.scene.discretisation.time_step or np.inf
-        if not self.medium.timeless and not np.isfinite(wanted):
-            wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
-        longest = spacing / STEPS_A_PIECE
-        if friction.weakens and friction.length > 0.0:
-            longest = min(longest, friction.length / STEPS_A_PIECE)
+        wanted, longest = self._longest_steps(friction)
         found = ticks(self.motion, wanted, longest, timeless=self.medium.timeless)
         states = stepping.iterate(found)
         if self.march is not None:
@@ -171,6 +173,29 @@ class Course:
             stepping.take_over(self.march, speed, ledger(self._marched_result()))
             next(states)
         yield from states
+
+    def _longest_steps(self, friction: "Friction") -> tuple[float, float]:
+        """Return the longest time of a step, s, and the longest travel of the needle, m."""
+        spacing = self.instrument.spacing
+        wanted = self.scene.discretisation.time_step or np.inf
+        if not self.medium.timeless and not np.isfinite(wanted):
+            wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
+        longest = spacing / STEPS_A_PIECE
+        if friction.weakens and friction.length > 0.0:
+            longest = min(longest, friction.length / STEPS_A_PIECE)
+        return wanted, longest
+
+    def _check_steps(self) -> None:
+        """Refuse a motion of more steps than the scene's limits allow, before it begins."""
+        wanted, longest = self._longest_steps(friction_of(self.scene))
+        travel = sum(abs(leg.end - leg.start) for leg in self._legs)
+        still = self.medium.timeless  # while the needle rests nothing happens then
+        time = sum(leg.duration for leg in self._legs if not still or leg.start != leg.end)
+        if time / wanted > travel / longest:
+            key, remedy = "discretisation.time_step", "a longer step or a shorter motion"
+        else:
+            key, remedy = "discretisation.path_spacing", "a longer spacing"
+        check_steps(max(time / wanted, travel / longest), key, remedy, self.scene.limits)
 
     def _marched_result(self) -> Insertion:
         assert self.march is not None

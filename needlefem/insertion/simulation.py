@@ -24,6 +24,7 @@ from needlefem.insertion.media import ElasticMedium, Medium, responses_of
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.schedule import deepest
 from needlefem.insertion.state import State
+from needlefem.limits import check_scene
 from needlefem.materials import branches_of
 from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.needle.axis import Axis
@@ -75,6 +76,7 @@ class Simulation:
         self.scene = self.resolved.scene
         for name, law in self.scene.materials.items():
             refuse_nonlinear(law, f"materials.{name}")
+        check_scene(self.scene)
         self.model = build_model(self.scene) if model is None else model
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0

@@ -10,6 +10,7 @@ import numpy as np
 from needlefem.arrays import Floats
 from needlefem.fem.cellvalues import CellValues
 from needlefem.insertion.result import Insertion
+from needlefem.limits import check_count
 from needlefem.output.driver import renderer
 from needlefem.output.film import Film, Moment
 from needlefem.output.images import Image, save, save_moving, save_still
@@ -105,6 +106,7 @@ def animate(
     for the other parameters and the errors.
     """
     films = _films(insertion, beside)
+    check_count(frames, "frames", insertion.scene.limits)
     times = frame_times(films, frames)
     with Studio(films, shot or Shot(), scale_times=[times] * len(films)) as studio:
         return save_moving(studio.pictures(times), Path(path), rate)
@@ -120,6 +122,7 @@ def panels(
 ) -> Path:
     """Draw moments evenly spaced in time beside one another; see `render`."""
     shot, film = shot or Shot(), Film(insertion)
+    check_count(count, "panels", insertion.scene.limits)
     times = frame_times([film], count)
     across = min(3, len(times))
     down = -(-len(times) // across)

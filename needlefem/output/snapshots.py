@@ -32,6 +32,7 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
     film, model, folder = Film(insertion), insertion.model, Path(folder)
     values = CellValues(model)
     written = []
+    check_count(count, "snapshots", insertion.scene.limits)
     times = np.linspace(0.0, float(film.times[-1]), max(count, 2))
     with result_folder(folder, "run", "folder"):
         _remove_older(folder)

@@ -292,9 +292,14 @@ class Expectation(Validated):
     tolerance: float | None = knob(
         "Largest difference; an upper bound when left out", default=None, low=0.0, closed=True
     )
-    unit: str
-    kind: str
-    source: str
+    unit: str = ""
+    kind: str = ""
+    source: str = ""
+
+    def check(self) -> None:
+        """See `Validated`."""
+        if isinstance(self.value, tuple) and self.tolerance is None:
+            raise CaseError("expect.tolerance", "missing", "a point needs one: give a distance")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

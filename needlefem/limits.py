@@ -1,0 +1,159 @@
+"""Work and memory of a scene, estimated before anything of them is spent.
+
+A box of 5000 x 5000 squares or a path of micrometres would fill the memory or run for days.
+Estimates are those of `BYTES_PER_UNKNOWN` and its neighbours, measured on the cases; they are
+meant to tell the possible from the absurd, not to predict a run. The limits themselves are the
+scene's (`needlefem.scene.Limits`, ``[limits]`` in a case), so that who has the memory raises them.
+"""
+
+import math
+
+from needlefem.elements import ElementRow, element_row
+from needlefem.errors import CaseError
+from needlefem.scene import BoxMesh, Limits, Scene
+
+BYTES_PER_UNKNOWN = 8e3
+"""Mesh, stiffness, its factor and the responses, for an unknown: measured 5 to 9 kB."""
+BYTES_PER_PAIR = 50.0
+"""Contact of two pieces of the path: some dense matrices of one row for each piece."""
+CELLS_PER_SQUARE = {"diagonal": 2, "crossed": 4, "quadrilateral": 1}
+SPLIT = 3
+"""Quadrilaterals that a triangle is cut into where a box of them is refined or fitted."""
+VERTICES_PER_CELL = {"triangle": 0.5, "quadrilateral": 1.0}
+EDGES_PER_CELL = {"triangle": 1.5, "quadrilateral": 2.0}
+
+
+def check_scene(scene: Scene) -> None:
+    """Refuse a resolved scene whose needle would need more than its limits.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its element is chosen.
+
+    Raises
+    ------
+    CaseError
+        With the estimate, and the key that changes it.
+    """
+    limits = scene.limits
+    check_mesh(scene)
+    counts = {
+        "discretisation.kernel_points": scene.discretisation.kernel_points,
+        "planning.max_insertions": scene.planning.max_insertions,
+    }
+    if scene.targets is not None:
+        counts["targets.count"] = scene.targets.count
+    for number, stage in enumerate(scene.motion.stages):
+        if stage.train is not None:
+            counts[f"motion.stages[{number}].train"] = stage.train
+    for key, count in counts.items():
+        check_count(count, key, limits, least=0)
+    spacing = scene.discretisation.path_spacing
+    pieces = math.ceil(scene.motion.max_depth / spacing)
+    what = (
+        f"a path of {scene.motion.max_depth:g} m in pieces of {spacing:g} m has {pieces:,} pieces"
+    )
+    key = "discretisation.path_spacing"
+    if pieces > limits.steps:
+        raise CaseError(key, what, _remedy("a longer spacing", "steps", f"{limits.steps:,}"))
+    _check_memory(BYTES_PER_PAIR * pieces**2, what, key, "a longer spacing", limits)
+
+
+def check_mesh(scene: Scene) -> None:
+    """Refuse a box with more cells than the scene's memory; a file's mesh when it was read."""
+    mesh = scene.mesh
+    if isinstance(mesh, BoxMesh):
+        cells = math.prod(mesh.divisions) * CELLS_PER_SQUARE[mesh.pattern]
+        check_cells(scene, cells, "mesh.divisions", "fewer divisions")
+
+
+def check_cells(scene: Scene, cells: int, key: str, remedy: str) -> None:
+    """Refuse a number of cells that would take more than the scene's memory.
+
+    Parameters
+    ----------
+    scene : Scene
+    cells : int
+    key : str
+        What makes them.
+    remedy : str
+        What makes fewer.
+
+    Raises
+    ------
+    CaseError
+        With the number of unknowns and the memory.
+    """
+    unknowns = round(cells * unknowns_per_cell(scene))
+    what = f"{cells:,} cells give about {unknowns:,} unknowns"
+    _check_memory(BYTES_PER_UNKNOWN * unknowns, what, key, remedy, scene.limits)
+
+
+def unknowns_per_cell(scene: Scene) -> float:
+    """Return about how many unknowns a cell of a large mesh adds, from the element's row."""
+    if scene.discretisation.element == "auto":  # P2 or Q2, or a mixed one that is hardly larger
+        boxed = isinstance(scene.mesh, BoxMesh) and scene.mesh.pattern == "quadrilateral"
+        return unknowns_of(element_row("Q2" if boxed else "P2"), scene.dim)
+    return unknowns_of(element_row(scene.discretisation.element), scene.dim)
+
+
+def unknowns_of(row: ElementRow, dim: int) -> float:
+    """Return about how many unknowns a cell of an element adds in a large mesh of the plane."""
+    found = dim * _dofs_per_cell(row.make(), row.cell)
+    return found + (_dofs_per_cell(row.pressure(), row.cell) if row.pressure else 0.0)
+
+
+def check_count(count: int, key: str, limits: Limits, *, least: int = 1) -> None:
+    """Refuse a number of pictures, targets, seeds or points that makes no sense.
+
+    Raises
+    ------
+    CaseError
+        It is less than `least` or more than ``limits.count``.
+    """
+    if count < least:
+        raise CaseError(key, f"{count} is out of range", f"give at least {least}")
+    if count > limits.count:
+        raise CaseError(key, f"{count:,} of them", _remedy("less", "count", f"{limits.count:,}"))
+
+
+def check_steps(steps: float, key: str, remedy: str, limits: Limits) -> None:
+    """Refuse a motion of more time steps than ``limits.steps``.
+
+    Parameters
+    ----------
+    steps : float
+        Of a whole motion.
+    key : str
+        What makes them.
+    remedy : str
+        What makes fewer.
+    limits : Limits
+
+    Raises
+    ------
+    CaseError
+        With their number.
+    """
+    if steps > limits.steps:
+        problem = f"the motion would take {steps:,.0f} time steps"
+        raise CaseError(key, problem, _remedy(remedy, "steps", f"{limits.steps:,}"))
+
+
+def _dofs_per_cell(element: "object", cell: str) -> float:
+    """Return the degrees of freedom of a scalar element, shared among cells, for one cell."""
+    at = (getattr(element, f"{place}_dofs", 0) for place in ("nodal", "facet", "interior"))
+    nodal, facet, interior = at
+    shared = nodal * VERTICES_PER_CELL.get(cell, 1.0) + facet * EDGES_PER_CELL.get(cell, 2.0)
+    return float(shared + interior)
+
+
+def _check_memory(needed: float, what: str, key: str, remedy: str, limits: Limits) -> None:
+    if needed > limits.memory:
+        problem = f"{what}, which take about {needed / 1e9:,.3g} GB of memory"
+        raise CaseError(key, problem, _remedy(remedy, "memory", f"{limits.memory / 1e9:g} GB"))
+
+
+def _remedy(remedy: str, limit: str, value: str) -> str:
+    return f"take {remedy}, or raise limits.{limit}, now {value}"
