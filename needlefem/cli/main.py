@@ -202,8 +202,8 @@ def _render(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--time", metavar="TIME", help='a still at a time, as in "3 s"')
     parser.add_argument("--depth", metavar="DEPTH", help='a still at a depth, as in "3 cm"')
     parser.add_argument("--panels", type=int, metavar="N", help="N moments beside one another")
-    parser.add_argument("--frames", type=int, default=60, help="of an animation")
-    parser.add_argument("--rate", type=float, default=12.0, help="frames a second")
+    parser.add_argument("--frames", type=int, help="of an animation; 60 when left out")
+    parser.add_argument("--rate", type=float, help="frames a second; 12 when left out")
     parser.add_argument("--size", default="1280x720", help="pixels, width x height")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from needlefem.arrays import Floats
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import result_of, say, say_json, undrawn
+from needlefem.cli.ignored import refuse_unused_keys
 from needlefem.dynamics import TissueSystem, critical_step
 from needlefem.dynamics.modes import modes
 from needlefem.errors import CaseError, NoRendererError
@@ -25,7 +26,9 @@ PICTURE = "modes.png"
 
 def main(options: argparse.Namespace) -> int:
     """Find the lowest modes, print, write; return the exit status."""
-    scene = resolve(load_case(options.case, options.overrides)).scene
+    read = load_case(options.case, options.overrides)
+    refuse_unused_keys(read, "modes")
+    scene = resolve(read).scene
     with result_of(options, "modes") as result:
         record, missing = _found(options, scene, result)
     if options.json:

@@ -15,7 +15,8 @@ from needlefem.cli.common import (
     undrawn,
     warn,
 )
-from needlefem.output.expectations import compare
+from needlefem.cli.ignored import refuse_unused_keys
+from needlefem.output.expectations import expect_record, judged
 from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
 from needlefem.output.scanner import scanner_lines, with_scanner
@@ -31,14 +32,15 @@ def main(options: argparse.Namespace) -> int:
 
         return planpaper.main(options)
     scene = load_case(options.case, options.overrides)
+    refuse_unused_keys(scene, "plan")
     pictures: list[Path] = []
     missing = None
     with result_of(options, "plan") as result:
         watch = progress("planning")
         found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
         record = with_scanner(origin(scene) | plan_record(found), scene)
-        expected = compare(scene.expect, record, "plan", scene.axes)
-        record["expect"] = None if expected is None else expected.record()
+        expected, why = judged(scene, record, "plan")
+        record |= expect_record(expected, why)
         if result is not None:
             result.begin()
             write_json(result.path / "plan.json", record)
@@ -50,6 +52,8 @@ def main(options: argparse.Namespace) -> int:
         _summary(scene, found, record)
         if expected is not None:
             say("\n" + expected.text())
+        elif why:
+            say("  " + why)
         for path in pictures:
             say(f"wrote {path}")
     if missing is not None:

@@ -13,6 +13,7 @@ from needlefem.cli.common import (
     search_line,
     warn,
 )
+from needlefem.cli.ignored import refuse_unused_keys
 from needlefem.errors import CaseError
 from needlefem.insertion.nodesimulation import InTime
 from needlefem.output.files import write_json
@@ -32,6 +33,7 @@ def main(options: argparse.Namespace) -> int:
     if options.all_solutions:
         raise CaseError("--all-solutions", "is for our own method", "leave it out")
     scene = load_case(options.case, options.overrides)
+    refuse_unused_keys(scene, "plan")
     with result_of(options, "plan") as result:
         record, paper, tables = _planned(scene)
         if result is not None:
@@ -57,6 +59,7 @@ def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
     record |= plan_record(paper.plan) | {"seconds": paper.seconds, "steps": paper.steps}
     record |= {
         "expect": None,
+        "expect_skipped": "expectations belong to our own method" if scene.expect else None,
         "ours": plan_record(ours.plan) | {"seconds": ours.seconds},
         "drift": tables[1].record()["rows"],
     }

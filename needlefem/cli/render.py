@@ -4,8 +4,10 @@ import argparse
 from pathlib import Path
 
 from needlefem.cli.common import GOOD, named, progress, say, say_json, warn
+from needlefem.cli.ignored import refuse_unused_options
 from needlefem.cli.replay import replay, scene_of
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, short
+from needlefem.limits import check_count
 from needlefem.output.driver import renderer
 from needlefem.output.files import probe
 from needlefem.output.images import MOVING, STILLS, require_kind
@@ -13,6 +15,12 @@ from needlefem.output.quantities import quantity
 from needlefem.output.render import Shot, animate, panels, render
 from needlefem.output.setuppicture import draw_setup
 from needlefem.units import parse_quantity
+
+FRAMES, RATE = 60, 12.0
+"""Of an animation, and how many of them a second, where nothing is said."""
+FASTEST = 240.0
+MOST_PANELS = 60
+MOST_PIXELS = 8000
 
 
 def main(options: argparse.Namespace) -> int:
@@ -22,6 +30,7 @@ def main(options: argparse.Namespace) -> int:
     if options.field:
         quantity(options.field)
     path = Path(named(options.out))
+    _refuse_unused(options, path)
     still = options.setup or options.panels or options.time or options.depth
     require_kind(path, STILLS if still else tuple(dict.fromkeys((*STILLS, *MOVING))))
     probe(path)
@@ -37,6 +46,29 @@ def main(options: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse_unused(options: argparse.Namespace, path: Path) -> None:
+    """Refuse what the kind of picture would ignore, and numbers that make none."""
+    moving = ("frames", "rate")
+    if options.setup:
+        names = ("beside", "field", "texture", "time", "depth", "panels", *moving)
+        refuse_unused_options(options, [(n, "--setup draws the scene alone") for n in names])
+    if options.panels is not None:
+        whole = ("beside", "time", "depth", *moving)
+        refuse_unused_options(options, [(n, "panels show the whole motion") for n in whole])
+        if not 1 <= options.panels <= MOST_PANELS:
+            remedy = f"give 1 to {MOST_PANELS}"
+            raise CaseError("--panels", f"{options.panels} is out of range", remedy)
+    if options.time and options.depth:
+        raise CaseError("--depth", "would be ignored: --time is there as well", "keep one")
+    if options.time or options.depth or path.suffix not in MOVING:
+        refuse_unused_options(options, [(n, "this is no animation") for n in moving])
+    if options.rate is not None and not 0.0 < options.rate <= FASTEST:
+        raise CaseError("--rate", f"{options.rate:g} is out of range", f"give up to {FASTEST:g}")
+    if options.frames is not None:
+        limits = scene_of(options.case, options.overrides).limits
+        check_count(options.frames, "--frames", limits)
+
+
 def _draw(options: argparse.Namespace, path: Path, shot: Shot) -> None:
     watch = progress("moving")
     insertion = replay(options.case, options.overrides, watch)
@@ -50,13 +82,20 @@ def _draw(options: argparse.Namespace, path: Path, shot: Shot) -> None:
     if options.panels:
         panels(insertion, path, count=options.panels, shot=shot)
     elif path.suffix in MOVING and not still:
-        animate(insertion, path, frames=options.frames, rate=options.rate, beside=beside, shot=shot)
+        frames = FRAMES if options.frames is None else options.frames
+        rate = RATE if options.rate is None else options.rate
+        animate(insertion, path, frames=frames, rate=rate, beside=beside, shot=shot)
     else:
         render(insertion, path, depth=depth, time=time, beside=beside, shot=shot)
 
 
 def _size(text: str) -> tuple[int, int]:
-    wide, _, high = text.partition("x")
-    if not (wide.isdecimal() and high.isdecimal() and int(wide) >= 200 and int(high) >= 150):
-        raise CaseError("--size", f"'{text}' is no size", "write width x height, as in 1280x720")
-    return int(wide), int(high)
+    parts = text.split("x")
+    numbers = [int(part) for part in parts if part.isdecimal() and len(part) < 9]
+    if len(parts) != 2 or len(numbers) != 2 or numbers[0] < 200 or numbers[1] < 150:
+        problem = f"{short(text)} is no size"
+        raise CaseError("--size", problem, "write width x height, as in 1280x720")
+    if max(numbers) > MOST_PIXELS:
+        problem = f"{short(text)} is out of range"
+        raise CaseError("--size", problem, f"at most {MOST_PIXELS} pixels each way")
+    return numbers[0], numbers[1]

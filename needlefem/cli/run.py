@@ -16,6 +16,7 @@ from needlefem.cli.common import (
     undrawn,
     warn,
 )
+from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options
 from needlefem.errors import NoRendererError
 from needlefem.insertion.discretised import Discretised, discretised
 from needlefem.insertion.ledger import ledger
@@ -24,8 +25,9 @@ from needlefem.insertion.path import Reach
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.validity import Validity, validity
+from needlefem.limits import check_count
 from needlefem.needle.clearance import passings
-from needlefem.output.expectations import compare
+from needlefem.output.expectations import expect_record, judged
 from needlefem.output.files import write_json
 from needlefem.output.histories import History, recorded
 from needlefem.output.motionpictures import draw_forces, draw_sticking
@@ -45,7 +47,11 @@ from needlefem.table import Table
 
 def main(options: argparse.Namespace) -> int:
     """Let the needle do what the case says, print, write; return the exit status."""
+    if not options.out:
+        refuse_unused_options(options, [("snapshots", "they are written to --out DIR")])
     scene = load_case(options.case, options.overrides)
+    refuse_unused_keys(scene, "run")
+    check_count(options.snapshots, "--snapshots", scene.limits, least=0)
     with result_of(options, "run") as result:
         insertion, record, expected = _moved(scene, result)
         undrawn = None if result is None else _write(insertion, record, result.path, options)
@@ -56,6 +62,8 @@ def main(options: argparse.Namespace) -> int:
         warn(record["warnings"])
         if expected is not None:
             say("\n" + expected.text())
+        elif record["expect_skipped"]:
+            say("  " + record["expect_skipped"])
     if undrawn is not None:
         raise undrawn
     if insertion.outcome.status not in GOOD:
@@ -84,8 +92,8 @@ def _moved(
     record = origin(scene) | insertion_record(insertion)
     record |= {"discretisation": dataclasses.asdict(on)}
     record = with_scanner(record | _measures(simulation, insertion), scene)
-    expected = compare(scene.expect, record, "run", scene.axes)
-    record["expect"] = None if expected is None else expected.record()
+    expected, why = judged(scene, record, "run")
+    record |= expect_record(expected, why)
     return insertion, record, expected
 
 

@@ -4,8 +4,9 @@ import argparse
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import say, say_json
-from needlefem.output.expectations import compare
-from needlefem.planning.studies import STUDIES, study
+from needlefem.cli.ignored import refuse_unused_options
+from needlefem.output.expectations import judged
+from needlefem.planning.studies import PAIRED, STUDIES, study
 
 
 def main(options: argparse.Namespace) -> int:
@@ -15,15 +16,19 @@ def main(options: argparse.Namespace) -> int:
             say(f"{name:14s}{sentence}")
         return 0
     run = study(options.study)
+    if options.study not in PAIRED:
+        unused = f"study '{options.study}' looks at one case"
+        refuse_unused_options(options, [("on", unused)])
     scene = load_case(options.case, options.overrides)
     other = load_case(options.on) if options.on else None
     tables = run(scene, other)
     summary = {key: value for table in tables for key, value in table.summary.items()}
-    expected = compare(scene.expect, summary, options.study, scene.axes)
+    expected, why = judged(scene, summary, options.study)
     if expected is not None:
         tables.append(expected)
     if options.json:
-        say_json({"study": options.study, "tables": [table.record() for table in tables]})
+        record = {"study": options.study, "tables": [table.record() for table in tables]}
+        say_json(record | {"expect_skipped": why or None})
     else:
-        say("\n\n".join(table.text() for table in tables))
+        say("\n\n".join([*(table.text() for table in tables), *([why] if why else [])]))
     return 0 if all(table.passed for table in tables) else 1

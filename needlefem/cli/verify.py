@@ -14,6 +14,8 @@ from needlefem.checks.problem import (
     run_problem,
 )
 from needlefem.cli.common import named, say, say_json
+from needlefem.cli.ignored import refuse_unused_options
+from needlefem.errors import CaseError
 from needlefem.output.files import write_json
 from needlefem.output.resultfolder import result_folder
 from needlefem.output.verification.page import record, write_report
@@ -26,6 +28,7 @@ def main(options: argparse.Namespace) -> int:
         from needlefem.cli import stress  # noqa: PLC0415  (another job, with other imports)
 
         return stress.main(options)
+    _refuse_unused(options)
     if options.element or options.material or options.integrator:
         from needlefem.cli import qualify  # noqa: PLC0415  (another job, with other imports)
 
@@ -50,6 +53,25 @@ def main(options: argparse.Namespace) -> int:
         if page is not None:
             say(f"report: {page}")
     return 0 if table.passed else 1
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """Refuse what belongs to qualifying where problems are run, and the other way round."""
+    if options.integrator:
+        why = "an integrator is qualified alone"
+        refuse_unused_options(options, [("element", why), ("material", why)])
+    if options.element or options.material or options.integrator:
+        if options.names:
+            raise CaseError(options.names[0], "would be ignored: no problem is run", "leave it out")
+        why = "no problem is run where something is qualified"
+        refuse_unused_options(options, [(name, why) for name in ("quick", "record", "report")])
+        return
+    if options.settings:
+        problem = "would be ignored: problems have no constants to set"
+        raise CaseError(f"--set {options.settings[0]}", problem, "give --material or --integrator")
+    if options.plane != "strain":
+        problem = "would be ignored: problems say themselves what they are in"
+        raise CaseError("--plane", problem, "give --element or --material, or leave it out")
 
 
 def _report(options: argparse.Namespace, reports: Sequence[Report]) -> Path:

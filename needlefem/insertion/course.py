@@ -165,7 +165,7 @@ class Course:
         friction = self._friction()
         stepping = Stepping(self.instrument, self.medium, self.model, friction)
         self.stepping = stepping
-        wanted, longest = self._longest_steps(friction)
+        wanted, longest = self._longest_steps()
         found = ticks(self.motion, wanted, longest, timeless=self.medium.timeless)
         states = stepping.iterate(found)
         if self.march is not None:
@@ -174,20 +174,21 @@ class Course:
             next(states)
         yield from states
 
-    def _longest_steps(self, friction: "Friction") -> tuple[float, float]:
+    def _longest_steps(self) -> tuple[float, float]:
         """Return the longest time of a step, s, and the longest travel of the needle, m."""
         spacing = self.instrument.spacing
         wanted = self.scene.discretisation.time_step or np.inf
         if not self.medium.timeless and not np.isfinite(wanted):
             wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
         longest = spacing / STEPS_A_PIECE
-        if friction.weakens and friction.length > 0.0:
-            longest = min(longest, friction.length / STEPS_A_PIECE)
+        needle = self.scene.needle
+        if needle.static_friction > 1.0 and needle.weakening_length > 0.0:
+            longest = min(longest, needle.weakening_length / STEPS_A_PIECE)
         return wanted, longest
 
     def _check_steps(self) -> None:
         """Refuse a motion of more steps than the scene's limits allow, before it begins."""
-        wanted, longest = self._longest_steps(friction_of(self.scene))
+        wanted, longest = self._longest_steps()
         travel = sum(abs(leg.end - leg.start) for leg in self._legs)
         still = self.medium.timeless  # while the needle rests nothing happens then
         time = sum(leg.duration for leg in self._legs if not still or leg.start != leg.end)

@@ -71,16 +71,28 @@ def check_key(name: str, axes: Sequence[str], key: str) -> None:
         )
 
 
-def set_aside(scene: Scene) -> str:
-    """Return why the case's expectations do not hold for a scene; empty if they do.
+def set_aside(scene: Scene, root: str) -> str:
+    """Return why the case's expectations under ``root.`` do not hold; empty if they do.
 
     They belong to the case as it is written: what ``--set`` changes has other results, unless
     expectations were set as well.
     """
     keys = [key for key in scene.overrides if canonical(key).split(".")[0] not in HARMLESS]
-    if not scene.expect or not keys or any(key.split(".")[0] == "expect" for key in keys):
+    theirs = any(item.key.split(".")[0] == root for item in scene.expect)
+    if not theirs or not keys or any(key.split(".")[0] == "expect" for key in keys):
         return ""
-    return f"the case's expectations are not compared: {', '.join(keys)} was set"
+    return f"the case's expectations are not compared, because --set changed {', '.join(keys)}"
+
+
+def judged(scene: Scene, record: Mapping[str, Any], root: str) -> tuple[Table | None, str]:
+    """Return the table of a scene's expectations, or None, and why there is none if one is due."""
+    why = set_aside(scene, root)
+    return (None if why else compare(scene.expect, record, root, scene.axes)), why
+
+
+def expect_record(table: Table | None, why: str) -> dict[str, Any]:
+    """Return what `judged` found as plain data for JSON."""
+    return {"expect": None if table is None else table.record(), "expect_skipped": why or None}
 
 
 def compare(

@@ -6,6 +6,7 @@ import numpy as np
 
 from needlefem.fem.cellvalues import CellValues
 from needlefem.insertion.result import Insertion
+from needlefem.limits import check_count
 from needlefem.output.files import writing
 from needlefem.output.film import Film
 from needlefem.output.resultfolder import ours, result_folder

@@ -1,4 +1,5 @@
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -97,7 +98,7 @@ def test_mistakes_end_with_2_and_one_line(
     ("override", "says"),
     [
         ('target.point=["9 cm", "3 cm"]', "is outside the tissue"),
-        ('motion.entry=["1.5 cm", "1 cm"]', "is not on the skin"),
+        ('motion.entry=["1.5 cm", "1 cm"]', "a plan chooses the entry"),
         ("supports.walls.faces=[]", "3 rigid motions of the tissue are free"),
         ('regions.prostate.offset=["1 cm", "2 cm"]', "the contour leaves the mesh"),
         ("mesh.divisions=[1, 1]", "no mesh cell lies in the contour"),
@@ -120,9 +121,62 @@ def test_scenes_that_can_not_be(
 
 
 def test_missed_expectation_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
-    status, out, _ = run(capsys, "plan", CASE, "--set", "needle.cutting_force=10 N/m")
+    wrong = 'expect=[{key="plan.insertions", value=1}, {key="plan.status", value=1}]'
+    status, out, _ = run(capsys, "plan", CASE, *SMALL, "--set", wrong)
     assert status == 1
-    assert "  no  " in out
+    assert out.count("  no\n") == 2
+    assert "plan.status      planned" in out
+
+
+def test_expectations_of_another_case_are_not_compared(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    changed = ("--set", "needle.cutting_force=10 N/m", "--set", "planning.estimate=false")
+    status, out, _ = run(capsys, "plan", CASE, *changed)
+    assert status == 0
+    assert "are not compared, because --set changed needle.cutting_force, planning.estimate" in out
+    status, out, _ = run(capsys, "plan", CASE, "--json", *changed)
+    record = json.loads(out)
+    assert record["expect"] is None
+    assert "needle.cutting_force" in record["expect_skipped"]
+    status, out, _ = run(capsys, "plan", CASE, "--set", "title=another")
+    assert "expected by the case" in out
+    assert status == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("plan", CASE, "--set", 'motion.entry=["2 cm", "0 cm"]'), "a plan chooses the entry"),
+        (("plan", CASE, "--set", 'motion.stages=[{to="2 cm"}]'), "run carries stages out"),
+        (("plan", CASE, "--set", "targets.count=3"), "only 'study targets'"),
+        (("plan", CASE, "--method", "paper", "--search", "grid"), "is golden section"),
+        (("plan", CASE, "--method", "paper", "--all-solutions"), "is for our own method"),
+        (("run", CASE, "--snapshots", "3"), "--snapshots: would be ignored: .*--out DIR"),
+        (("run", CASE, "--set", 'planning.tolerance="1 mm"'), "'run' does not plan"),
+        (("run", CASE, "--set", 'damping.mass_rate="1 1/s"'), "the integrator is 'march'"),
+        (("run", CASE, "--set", "discretisation.rho_inf=0.5"), "the integrator is 'march'"),
+        (("run", CASE, "--set", 'discretization.time_step="1 ms"'), "the integrator is 'march'"),
+        (("run", CASE, "--set", 'needle.weakening_length="1 mm"'), "static friction is kinetic"),
+        (("run", CASE, "--set", 'mesh.refine.corridor_width="1 mm"'), "corridor_size is 0"),
+        (("plan", CASE, "--set", "planning.max_unknowns=9"), "planning.accuracy is 0"),
+        (("modes", CASE, "--set", 'needle.tip_radius="3 mm"'), "without a needle"),
+        (("study", "energy", CASE, "--on", CASE), "--on: would be ignored: study 'energy'"),
+        (("verify", "s01_patch", "--element", "P1"), "s01_patch: would be ignored"),
+        (("verify", "--element", "P1", "--quick"), "--quick: would be ignored"),
+        (("verify", "--plane", "stress", "s01_patch"), "--plane: would be ignored"),
+        (("verify", "--set", "alpha=1", "s01_patch"), "--set alpha=1: would be ignored"),
+        (("verify", "--integrator", "hht", "--element", "P1"), "--element: would be ignored"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], says: str
+) -> None:
+    status, out, err = run(capsys, *arguments)
+    assert status == 2
+    assert re.search(says, err), err
+    assert not out
+    assert len(err.splitlines()) == 1
 
 
 def test_plan_without_solution_ends_with_3(capsys: pytest.CaptureFixture[str]) -> None:

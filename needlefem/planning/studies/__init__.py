@@ -29,6 +29,9 @@ STUDIES = {
     "trains": "seeds laid on the way back: simulated, and by the shortcut for the first",
 }
 
+PAIRED = ("paper", "robust")
+"""Those that compare with a second case."""
+
 
 def study(name: str) -> Study:
     """Return a study by name, or raise a `CaseError` with the nearest name."""

@@ -1,0 +1,103 @@
+"""Options and ``--set`` keys that a command would ignore are refused, with the reason.
+
+A value that changes nothing looks like a result that does not depend on it.
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+
+from needlefem.errors import CaseError
+from needlefem.resolve import resolve
+from needlefem.scene import DYNAMIC, BoxMesh, Scene, canonical
+
+STAGES = "a plan pushes the needle once; run carries stages out"
+UNUSED: Mapping[str, Mapping[str, str]] = {
+    "run": {
+        "planning": "'run' does not plan",
+        "targets": "only 'study targets' and others draw targets",
+    },
+    "plan": {
+        "motion.entry": "a plan chooses the entry; move target.point or give motion.direction",
+        "motion.stages": STAGES,
+        "motion.times": STAGES,
+        "motion.depths": STAGES,
+        "targets": "only 'study targets' and others draw targets",
+    },
+    "modes": {
+        "needle": "modes are those of the tissue without a needle",
+        "damping": "modes are those of undamped tissue",
+        "planning": "'modes' does not plan",
+        "targets": "'modes' does not plan",
+    },
+}
+"""By command: beginnings of the keys that change nothing in it, and why."""
+
+
+def refuse_unused_keys(scene: Scene, command: str) -> None:
+    """Raise a `CaseError` for the first ``--set`` key that would change nothing.
+
+    Parameters
+    ----------
+    scene : Scene
+        With the overrides that its case was read with.
+    command : str
+        ``run``, ``plan`` or ``modes``.
+    """
+    if not scene.overrides:
+        return
+    reasons = [*UNUSED[command].items(), *_without_effect(scene, command)]
+    for given in scene.overrides:
+        key = canonical(given)
+        for unused, why in reasons:
+            if key == unused or key.startswith(f"{unused}."):
+                raise CaseError(f"--set {given}", f"would be ignored: {why}", "leave it out")
+
+
+def refuse_unused_options(options: argparse.Namespace, rules: Sequence[tuple[str, str]]) -> None:
+    """Raise a `CaseError` for the first option that was given although it would be ignored.
+
+    Parameters
+    ----------
+    options : Namespace
+    rules : sequence of (str, str)
+        Names of options that are ignored here, and why.
+    """
+    for name, why in rules:
+        if getattr(options, name) not in (None, False, "", 0, []):
+            flag = "--" + name.replace("_", "-")
+            raise CaseError(flag, f"would be ignored: {why}", "leave it out")
+
+
+def _without_effect(scene: Scene, command: str) -> Iterator[tuple[str, str]]:
+    """Yield keys that change nothing in this scene, because of others in it."""
+    chosen = resolve(scene).scene
+    if command != "modes":
+        yield from _of_integrators(chosen, stepped=command == "run" and _has_stages(chosen))
+    if chosen.needle.static_friction == 1.0:
+        yield "needle.weakening_length", "static friction is kinetic friction here"
+    if chosen.needle.tip == "point":
+        yield "discretisation.kernel_points", "a point has no kernel"
+    if isinstance(chosen.mesh, BoxMesh) and chosen.mesh.refine.corridor_size == 0.0:
+        for part in ("corridor_width", "corridor_depth"):
+            yield f"mesh.refine.{part}", "mesh.refine.corridor_size is 0"
+    if chosen.planning.accuracy == 0.0:
+        yield "planning.max_unknowns", "planning.accuracy is 0"
+
+
+def _has_stages(scene: Scene) -> bool:
+    return bool(scene.motion.stages or scene.motion.times)
+
+
+def _of_integrators(scene: Scene, *, stepped: bool) -> Iterator[tuple[str, str]]:
+    """Yield the keys of other integrators than the scene's."""
+    name = scene.discretisation.integrator
+    how = f"the integrator is '{name}'; choose discretisation.integrator"
+    if name not in DYNAMIC:
+        yield "damping", how
+        yield "discretisation.mass", how
+    if name != "generalised-alpha":
+        yield "discretisation.rho_inf", how
+    if name != "newmark":
+        yield "discretisation.newmark_gamma", how
+    if name == "march" and not stepped:
+        yield "discretisation.time_step", how
