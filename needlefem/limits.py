@@ -12,10 +12,10 @@ from needlefem.elements import ElementRow, element_row
 from needlefem.errors import CaseError
 from needlefem.scene import BoxMesh, Limits, Scene
 
-BYTES_PER_UNKNOWN = 8e3
-"""Mesh, stiffness, its factor and the responses, for an unknown: measured 5 to 9 kB."""
-BYTES_PER_PAIR = 50.0
-"""Contact of two pieces of the path: some dense matrices of one row for each piece."""
+BYTES_PER_UNKNOWN = 7e3
+"""Mesh, stiffness, its factor and the responses, for an unknown: measured 4 to 7 kB."""
+BYTES_PER_PAIR = 100.0
+"""Contact of two pieces of the path, in dense matrices of a row for each piece: measured."""
 CELLS_PER_SQUARE = {"diagonal": 2, "crossed": 4, "quadrilateral": 1}
 SPLIT = 3
 """Quadrilaterals that a triangle is cut into where a box of them is refined or fitted."""

@@ -115,13 +115,13 @@ class Limits(Validated):
     memory: float = knob(
         "Most memory that mesh, stiffness and contact may take",
         "memory",
-        default=4e9,
+        default=8e9,
         low=1e6,
         closed=True,
     )
     steps: int = knob(
         "Most pieces of the path, or time steps, of one motion",
-        default=100_000,
+        default=1_000_000,
         low=1.0,
         closed=True,
     )
