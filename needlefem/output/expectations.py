@@ -14,7 +14,7 @@ VALUE, LIST, TABLE = "a number or a text", "a list", "a table"
 ORIGIN = {"case": VALUE, "source": VALUE, "overrides": TABLE}
 EVIDENCE = {
     "energy": TABLE, "validity": TABLE, "timings": TABLE, "skipped": TABLE, "reasons": TABLE,
-    "warnings": LIST, "scanner": TABLE,
+    "warnings": LIST, "scanner": TABLE, "discretisation": TABLE, "frame": TABLE,
 }  # fmt: skip
 KEYS = {
     "run": ORIGIN | EVIDENCE | {
@@ -29,7 +29,7 @@ KEYS = {
         "unplanned": TABLE, "depth_only": TABLE, "insertions": VALUE, "search": TABLE,
         "other_solutions": LIST, "scan_insertions": VALUE, "snaps": VALUE, "direction": LIST,
         "obstacles": LIST, "barred": TABLE, "refused": LIST, "energy_residual": VALUE,
-        "estimate": TABLE, "trail": LIST, "preflight": LIST,
+        "estimate": TABLE, "trail": LIST, "preflight": LIST, "headline": TABLE, "missing": TABLE,
     },
 }  # fmt: skip
 """What the results of a command have in them, so that a key that can't exist is refused early."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from needlefem.cli.main import main
+from needlefem.output.expectations import KEYS, LIST, TABLE, VALUE
 from tests.conftest import PAPER_CASE, ROOT
 
 LIVER = str(ROOT / "cases" / "liver" / "case.toml")
@@ -118,6 +119,19 @@ def test_scenes_that_can_not_be(
     assert status == 2
     assert says in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["run", "plan"])
+def test_what_may_be_expected_is_what_there_is(
+    capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    """A key that a command adds to its JSON belongs into `KEYS` too."""
+    _, out, _ = run(capsys, command, CASE, "--json", *SMALL)
+    record = {k: v for k, v in json.loads(out).items() if not k.startswith("expect")}
+    assert set(record) == set(KEYS[command])
+    kinds = {list: LIST, dict: TABLE}
+    found = {k: kinds.get(type(v), VALUE) for k, v in record.items() if v is not None}
+    assert found == {k: KEYS[command][k] for k in found}
 
 
 def test_missed_expectation_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
