@@ -16,6 +16,11 @@ from needlefem.materials.voigt import IN_PLANE, strain, tensor
 
 NEARLY_INCOMPRESSIBLE = 0.499999
 """Stands for incompressible tissue where a check changes its volume."""
+NO_RESPONSE = (
+    "hold the tissue in [supports.NAME], but not all of it, and check the units of the moduli; "
+    "if they are right, take smaller elements or another element"
+)
+"""What to do where responses of the tissue are wrong or none."""
 
 
 def linear_gradient(dim: int) -> Floats:
@@ -166,6 +171,7 @@ def reciprocity(model: Model) -> CheckResult:
         requirement="responses between two points are symmetric (Betti)",
         value=float(apart),
         bound=1e-9,
+        remedy=NO_RESPONSE,
     )
 
 
@@ -180,6 +186,7 @@ def energy_identity(model: Model) -> CheckResult:
         requirement="strain energy changes by the work of the mean force",
         value=float(abs(energy[1] - energy[0] - work) / np.max(energy)),
         bound=1e-10,
+        remedy=NO_RESPONSE,
     )
 
 

@@ -32,7 +32,6 @@ class _Column:
     target: Vector
     look: Look
     error: str
-    note: str = ""
 
     @property
     def insertion(self) -> Insertion:
@@ -81,17 +80,17 @@ def _columns(plan: Plan, look: Look) -> list[_Column]:
             _Column(
                 title="without planning", film=Film(plan.level), release=plan.unplanned,
                 target=plan.target, look=look,
-                error=f"{100.0 * plan.unplanned.placement_error:.2f} cm",
+                error=f"placement error {100.0 * plan.unplanned.placement_error:.2f} cm",
             )
         )  # fmt: skip
     if plan.best is not None:
-        error = first.error
+        error = first.title
         if plan.status is not PlanStatus.PLANNED:
-            error = f"{100.0 * plan.best.placement_error:.2g} cm"
+            error = f"{plan.status}: misses by {100.0 * plan.best.placement_error:.2g} cm"
         found.append(
             _Column(
                 title="with planning", film=Film(plan.insertion), release=plan.best,
-                target=plan.target, look=look, error=error, note=first.strains,
+                target=plan.target, look=look, error=error,
             )
         )  # fmt: skip
     return found
@@ -150,6 +149,4 @@ def _error(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None
     canvas.seed(column.release.placed_at, 0.75 * radius)
     middle = canvas.screen(column.target)[0, :2] + np.array([4e-3, 0.0])
     panel.look(Window(middle, 0.0245, 0.0137))
-    panel.line(f"placement error {column.error}")
-    if column.note:
-        panel.note(column.note)
+    panel.line(column.error)

@@ -56,6 +56,14 @@ class Headline:
         return f"{self.validity.headline}{', not included' if self.validity.beyond_limit else ''}"
 
     @property
+    def title(self) -> str:
+        """Both, as short as a picture's title."""
+        if self.validity is None or not self.validity.beyond_limit:
+            return f"placement error {self.error}"
+        size = f"{self.validity.largest_strain:.2g} > {self.validity.strain_limit:g}"
+        return f"placement error {self.error}; strains beyond limit ({size}) not included"
+
+    @property
     def sentence(self) -> str:
         """Both, as they stand behind the status."""
         return f"placement error {self.error}; {self.strains}"
