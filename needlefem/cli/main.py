@@ -49,6 +49,8 @@ def process() -> NoReturn:
     try:
         with telling(_title(sys.argv[1:])):
             status = main(imported=_spared)
+    except KeyboardInterrupt:  # between the end of the command and that of the process
+        status = 3
     except SystemExit as stop:  # help was asked for, or the arguments can't be used
         status = stop.code if isinstance(stop.code, int) else 0
     try:
