@@ -54,6 +54,6 @@ def test_from_a_mesh_to_the_printed_depth(
     assert main(["run", str(case), "--json", *options, *pushed]) == 0
     run = json.loads(capsys.readouterr().out)
     (seed,) = run["seeds"][-1:]
-    placed = np.array(seed["placed_at"]) if "placed_at" in seed else np.array(seed["rest"])
+    placed = np.array(seed["placed_at"])
     away = np.linalg.norm(placed - 1e-3 * np.array(TARGET))
     assert away <= max(2.0 * plan["placement_error"], 1e-5)
