@@ -138,8 +138,7 @@ def _snapshots(folder: Path, kind: str) -> tuple[tuple[float, Path], ...]:
         root = ET.fromstring(content)
         listed = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in root.iter("DataSet")]
     except (ET.ParseError, LookupError, ValueError) as error:
-        problem = f"'{path}' can't be read ({type(error).__name__}: {error})"
-        raise CaseError(KEY, problem, ANEW) from None
+        raise CaseError(KEY, f"'{path}' can't be read: {error}", ANEW) from None
     if root.tag != "VTKFile" or not listed or not all(np.isfinite(time) for time, _ in listed):
         raise CaseError(KEY, f"'{path}' lists no snapshots by time", ANEW)
     found = [(time, folder / file) for time, file in listed]
