@@ -21,6 +21,8 @@ from needlefem.units import LARGEST, dimension_of, parse_quantity
 
 LARGEST_NUMBER = 1e15
 """Largest magnitude of a number without a dimension."""
+SMALLEST_NUMBER = 1e-30
+"""Smallest magnitude of what must be positive: the square of less vanishes."""
 LARGEST_COUNT = 2**63 - 1
 """Largest magnitude of a whole number."""
 _KNOWN: dict[type, tuple[tuple[str, Any, Knob | None], ...]] = {}
@@ -238,6 +240,9 @@ def _number(hint: type, raw: Any, declared: Knob | None, key: str, *, strict: bo
             wanted = f"at most {most:g}"
         unit = " (SI units)" if dimension is not None or hint is float else ""
         raise CaseError(key, f"{_digits(value)} is out of range", f"it must be {wanted}{unit}")
+    if declared is not None and declared.low == 0.0 and 0.0 < value < SMALLEST_NUMBER:
+        problem = f"{_digits(value)} is out of range"
+        raise CaseError(key, problem, f"it must be at least {SMALLEST_NUMBER:g} (SI units)")
     return value
 
 

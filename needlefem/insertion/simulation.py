@@ -78,6 +78,7 @@ class Simulation:
             refuse_nonlinear(law, f"materials.{name}")
         check_scene(self.scene)
         self.model = build_model(self.scene) if model is None else model
+        self._refuse_wide_tip()
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
         self._checks: dict[tuple[float, ...], tuple[CheckResult, ...]] = {}
@@ -89,6 +90,13 @@ class Simulation:
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: no responses, which are computed again, and no watcher."""
         return lasting_state(self) | {"_watch": None}
+
+    def _refuse_wide_tip(self) -> None:
+        """Refuse a tip that is wider than the tissue: its force would act outside."""
+        radius, extents = self.scene.needle.tip_radius, np.ptp(self.model.mesh.p, axis=1)
+        if 2.0 * radius > extents.min():
+            problem = f"a tip of {2.0 * radius:g} m is wider than the tissue, {extents.min():g} m"
+            raise CaseError("needle.tip_radius", problem, "give a smaller radius")
 
     @property
     def reasons(self) -> dict[str, str]:

@@ -8,6 +8,8 @@ from needlefem.knobs import knob
 from needlefem.validation import Validated
 
 Coordinates = tuple[float, ...]
+FLATTEST = 1000.0
+"""Largest ratio of the edges of a box's squares: no element is worth anything on flatter ones."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -71,7 +73,13 @@ class BoxMesh(Validated):
         counts = len(self.size), len(self.divisions), len(self.origin or self.size)
         if len(set(counts)) > 1:
             problem = f"{counts[0]} edge lengths, {counts[1]} divisions, {counts[2]} coordinates"
-            raise CaseError("mesh.size", f"{problem} of the origin", "give one for each axis")
+            fewest = ("size", "divisions", "origin")[counts.index(min(counts))]
+            raise CaseError(f"mesh.{fewest}", f"{problem} of the origin", "give one for each axis")
+        edges = [length / n for length, n in zip(self.size, self.divisions, strict=True)]
+        if max(edges) > FLATTEST * min(edges):
+            problem = f"squares of {' x '.join(f'{edge:.3g}' for edge in edges)} m"
+            remedy = "give sizes and mesh.divisions that make squares about as long as wide"
+            raise CaseError("mesh.size", f"{problem} are flatter than 1 : {FLATTEST:g}", remedy)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

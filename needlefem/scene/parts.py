@@ -194,9 +194,6 @@ class Motion(Validated):
     def check(self) -> None:
         """See `Validated`; the direction is made a unit vector."""
         object.__setattr__(self, "direction", unit(self.direction, "motion.direction"))
-        if self.entry and len(self.entry) != len(self.direction):
-            remedy = f"give {len(self.direction)}, one for each axis"
-            raise CaseError("motion.entry", f"{len(self.entry)} numbers", remedy)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
