@@ -41,8 +41,20 @@ class EnergyLedger:
         self._memory = Memory(self.stepper.system.branches, self.stepper.step)
         self._weights: Weights | None = getattr(self.stepper, "weights", None)
 
-    def add(self, old: Motion, new: Motion, before: Floats, after: Floats) -> None:
-        """Account for one step under forces at its start and end, shape (n,), N."""
+    def add(
+        self, old: Motion, new: Motion, before: Floats, after: Floats, *, at_once: bool = False
+    ) -> None:
+        """Account for one step.
+
+        Parameters
+        ----------
+        old, new : Motion
+            At its start and end.
+        before, after : arrays, shape (n,), N
+            Forces then.
+        at_once : bool
+            Both motions are ends of the same step, without inertia, under one and another force.
+        """
         system, moved = self.stepper.system, new.u - old.u
         work = 0.5 * float((before + after) @ moved)
         self.work += work
@@ -55,7 +67,7 @@ class EnergyLedger:
                 self.damping += float(system.products(None, mean, None) @ moved)
         if self._memory:
             self.stored += self._memory.energy(new.parts) - self._memory.energy(old.parts)
-            self.relaxation += self._memory.lost(old.parts, new.parts)
+            self.relaxation += self._memory.lost(old.parts, new.parts, at_once=at_once)
         if self._weights is not None:
             self.algorithmic += self._algorithmic(old, new, after - before)
 

@@ -67,15 +67,17 @@ class Memory:
         pairs = zip(parts, self._stiffness, strict=True)
         return 0.5 * float(sum(part @ (stiffness @ part) for part, stiffness in pairs))
 
-    def lost(self, before: Floats, after: Floats) -> float:
+    def lost(self, before: Floats, after: Floats, *, at_once: bool = False) -> float:
         """Return what the dashpots take in a step, J.
 
         Mean force times change of displacement, less the change of energy, from both ends'
-        displacements alone; for short steps ``step / T`` times twice the mean energy.
+        displacements alone; for short steps ``step / T`` times twice the mean energy. `at_once`
+        is a change from one end of the same step to another, in which nothing decays.
         """
         total = 0.0
         zipped = zip(before, after, self._stiffness, self._decays, self.gains, strict=True)
-        for old, new, stiffness, left, kept in zipped:
+        for old, new, stiffness, decayed, kept in zipped:
+            left = 1.0 if at_once else decayed
             slipped = (1.0 / kept - 1.0) * new + (1.0 - left / kept) * old
             total += 0.5 * float((old + new) @ (stiffness @ slipped))
         return total

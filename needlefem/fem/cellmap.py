@@ -85,7 +85,12 @@ class AffineMap:
 class BilinearMap:
     """The map of quadrilaterals with straight edges; see `CellMap`.
 
-    ``x = a + b xi + c eta + d xi eta``: crossing out xi leaves a quadratic equation for eta.
+    ``x = a + b xi + c eta + d xi eta``: crossing out xi leaves a quadratic equation for eta,
+    ``square eta^2 + one eta + zero = 0``. Its derivative at a solution, ``2 square eta + one``, is
+    the Jacobian of the map there, which has one sign in all of a convex cell: that sign, known
+    from a corner, tells the solution in the cell from the other one. (The sign of ``one``, the
+    derivative at eta = 0, need not be it: the line through the point along which xi is constant
+    may leave the region in which the map is one-to-one before it comes to eta = 0.)
     """
 
     def __init__(self, mesh: SkfemMesh) -> None:
@@ -109,10 +114,13 @@ class BilinearMap:
 
 
 def _bilinear_inverse(b: Points, c: Points, d: Points, apart: Points) -> Points:
-    square, one, zero = -_cross(c, d), _cross(apart, d) - _cross(c, b), _cross(apart, b)
+    jacobian = _cross(b, c)
+    square, one, zero = -_cross(c, d), _cross(apart, d) + jacobian, _cross(apart, b)
     with np.errstate(divide="ignore", invalid="ignore"):
-        root = np.sqrt(one**2 - 4.0 * square * zero)
-        eta = -2.0 * zero / (one + np.copysign(root, one))
+        root = np.copysign(np.sqrt(one**2 - 4.0 * square * zero), jacobian)
+        # either form of the solution with the derivative `root`: the one that does not cancel
+        alike = one * jacobian >= 0.0
+        eta = np.where(alike, -2.0 * zero / (one + root), 0.5 * (root - one) / square)
         along = b + eta[:, None] * d
         xi = _dot(apart - eta[:, None] * c, along) / _dot(along, along)
         # one step of Newton's method takes the round-off of a small square term away

@@ -4,6 +4,11 @@ As `insertion/ledger.py`, of which it keeps the terms: forces are taken as their
 step, every functional of the displacement that carries a force at either end as itself. What
 the needle fills in part is a different functional at both ends; its friction is that of both
 slips, and its lateral hold gives or takes ``force x gap / 2`` of what it catches or lets go.
+
+The tip's force is unilateral: it is there only while the needle's tip touches the material at the
+crack front, ``R >= 0, gap >= 0, R gap = 0``. Where the gap opens or closes within a step, the mean
+of both ends' forces times the needle's travel would count work over the gap, which there is not;
+it is left out of the needle's work (``apart``). What is left is the work on the tissue.
 """
 
 import dataclasses
@@ -37,7 +42,6 @@ class Spent:
     friction: float
     cutting: float
     snap: float
-    contact: float
     capture: float
     caught: float
     mismatch: float
@@ -45,7 +49,7 @@ class Spent:
     @property
     def tip(self) -> float:
         """What the tip took."""
-        return self.cutting + self.snap + self.contact
+        return self.cutting + self.snap
 
     @property
     def least(self) -> float:
@@ -90,7 +94,6 @@ class Account:
     cutting: float = 0.0
     snap: float = 0.0
     capture: float = 0.0
-    contact: float = 0.0
     relaxation: float = 0.0
     kinetic: float = 0.0
     damping: float = 0.0
@@ -99,41 +102,79 @@ class Account:
     mismatch: float = 0.0
     turnover: float = 0.0
 
-    def weigh(self, old: State, new: State, fields: tuple[Field, Field]) -> Spent:
-        """Return what a step between two states, with their fields, spends."""
+    def weigh(self, old: State, new: State, fields: tuple[Field, Field], front: float) -> Spent:
+        """Return what a step between two states spends.
+
+        Parameters
+        ----------
+        old, new : State
+        fields : (Field, Field)
+            Theirs.
+        front : float, m
+            Length of the cut path at the step's start.
+        """
         travel = new.depth - old.depth
         sides = (
             _Side(old, fields[1], self.pieces, new),
             _Side(new, fields[0], self.pieces, old),
         )
-        work = 0.5 * (old.force + new.force) * travel
         signed = list(zip(sides, (1, -1), strict=True))
-        friction = 0.5 * sum(float(np.sum(side.friction(travel, sign))) for side, sign in signed)
         tip = [0.5 * side.tip(travel, sign) for side, sign in signed]
-        cutting, snap, contact = _tip_parts(old, new, tip)
+        cutting, snap, apart = _tip_parts(old, new, tip, front)
+        work = 0.5 * (old.force + new.force) * travel - apart
+        friction = 0.5 * sum(float(np.sum(side.friction(travel, sign))) for side, sign in signed)
         hold = _hold(new, self.pieces) - _hold(old, self.pieces)
         stick = self.give * (_stick(new, self.pieces) - _stick(old, self.pieces))
         hold, friction = hold + stick, friction - stick
         capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
         capture += 0.5 * (sides[1].let_go() - sides[0].let_go())
         strain = _strain(new) - _strain(old)
-        mismatch = work - strain - friction - cutting - snap - contact - hold - capture
+        mismatch = work - strain - friction - cutting - snap - hold - capture
         caught = 0.0
-        if self.inertial and new.way is Way.OUT:  # the needle lets go of its last piece
-            contact, friction = contact + friction, 0.0
-        elif self.inertial:
-            grown = _regrown(old, new, sides, travel)
-            if not self.give:
-                caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
-            friction, capture = friction - caught - grown, capture + grown
+        if self.inertial and new.way is not Way.OUT and not self.give:
+            caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
+        let_go = self._let_go(old, new, sides, travel)
+        friction, capture = friction - caught - let_go, capture + let_go
         return Spent(
             work=work, strain=strain, hold=hold, friction=friction, cutting=cutting, snap=snap,
-            contact=contact, capture=capture + caught, caught=caught, mismatch=mismatch,
+            capture=capture + caught, caught=caught, mismatch=mismatch,
         )  # fmt: skip
+
+    def _let_go(
+        self, old: State, new: State, sides: tuple["_Side", "_Side"], travel: float
+    ) -> float:
+        """Return what friction forces of the step's start give or take that do not slip on.
+
+        The piece that the tip is in is another functional at the step's end: it slips as that. Of
+        its force at the start, ``f`` on the length ``l``, as much as is on what the needle still
+        lies in goes on with it, and the rest was let go of. That of pieces that stuck and that the
+        needle has left was let go of too. Where pieces slip on as they did, all of it is friction.
+        """
+        first = min(old.whole, new.whole)
+        if old.slipping is None or new.slipping is None or first >= len(old.axial):
+            return 0.0
+        was, total = sides[0].slip(travel, 1), 0.0
+        if first < len(new.axial):
+            became = sides[1].slip(travel, -1)[first]
+            slips_on = old.axial[first] * new.slipping[first] > 0.0
+            if not slips_on or (self.inertial and first == old.whole):
+                lengths = [1.0 / _piece(s, first, self.pieces).compliance for s in (new, old)]
+                share = 1.0 if slips_on else min(lengths[0] / lengths[1], 1.0)
+                total += old.axial[first] * (was[first] - share * became)
+                total += (1.0 - share) * self._stretched(old, first)
+        for number in range(len(new.axial), len(old.axial)):
+            if old.slipping[number] == 0:
+                total += old.axial[number] * was[number] + self._stretched(old, number)
+        return 0.5 * float(total)
+
+    def _stretched(self, state: State, number: int) -> float:
+        """Return twice the energy of sticking, where it gives way, of a piece."""
+        piece = _piece(state, number, self.pieces)
+        return self.give * piece.compliance * float(state.axial[number]) ** 2
 
     def add(self, spent: Spent) -> None:
         """Account for a step."""
-        for name in ("work", "strain", "hold", "friction", "cutting", "snap", "contact", "capture"):
+        for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
             setattr(self, name, getattr(self, name) + getattr(spent, name))
         self.turnover += abs(spent.work)
         self.mismatch = max(self.mismatch, abs(spent.mismatch))
@@ -163,7 +204,6 @@ class Account:
             cutting=self.cutting,
             snap=self.snap,
             capture=self.capture,
-            contact=self.contact,
             relaxation=self.relaxation,
             kinetic=self.kinetic,
             damping=self.damping,
@@ -227,28 +267,30 @@ def _piece(state: State, number: int, pieces: Sequence[Piece]) -> Piece:
     return pieces[number]
 
 
-def _regrown(old: State, new: State, sides: tuple["_Side", "_Side"], travel: float) -> float:
-    """Return what friction gives or takes as the tip's piece becomes another functional.
+def _tip_parts(
+    old: State, new: State, slips: list[float], front: float
+) -> tuple[float, float, float]:
+    """Return what cutting and snaps took, and what is no work: the tip's force over a gap.
 
-    As it slips it is the piece of the step's end; what it was at the start was let go of.
+    Parameters
+    ----------
+    old, new : State
+    slips : (float, float), m
+        Half the needle's way past the material at the tip, of the old and of the new state.
+    front : float, m
+        Length of the cut path at the step's start.
     """
-    number = old.whole
-    if old.end is None or number >= len(new.axial):
-        return 0.0
-    was, became = sides[0].slip(travel, 1)[number], sides[1].slip(travel, -1)[number]
-    return 0.5 * float(old.axial[number] * (was - became))
-
-
-def _tip_parts(old: State, new: State, apart: list[float]) -> tuple[float, float, float]:
-    """Return what cutting, snaps, and the front's opening or closing within the step took."""
-    forces = (old.tip_force, new.tip_force)
-    total = float(np.dot(forces, apart))
+    forces = np.array([old.tip_force, new.tip_force])
     if new.way not in (Way.CUTTING, Way.JUMPING):
-        return 0.0, 0.0, total
-    excess = [max(s.tip_force - s.cutting_force, 0.0) for s in (old, new)]
-    snap = float(np.dot(excess, apart))
-    cutting = float(np.dot(np.subtract(forces, excess), apart))
-    return cutting, snap, 0.0
+        return 0.0, 0.0, float(np.dot(forces, slips))
+    # a tip that came back to the front and cut on in one step: the way to the front is no cut
+    cut, drawn = 1.0, max(front - old.covered, 0.0)
+    if old.way in (Way.WITHDRAWN, Way.OUT) and drawn > 0.0:
+        cut = (new.covered - front) / (new.covered - old.covered)
+    excess = np.array([max(s.tip_force - s.cutting_force, 0.0) for s in (old, new)])
+    shares = np.array([1.0, cut]) * slips
+    apart = float(np.dot(forces, slips - shares))
+    return float(np.dot(forces - excess, shares)), float(np.dot(excess, shares)), apart
 
 
 def _hold(state: State, pieces: Sequence[Piece]) -> float:

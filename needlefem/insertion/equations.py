@@ -124,6 +124,7 @@ class StepEquations:
         self._slidings: dict[int, tuple[Sliding, Floats]] = {}
         self._front: Position | None = None
         self._guess: Floats | None = None
+        self._partly = None if start.end is None else (start.whole, start.end.compliance)
         self._slid = np.zeros(0) if start.slipping is None else start.slipping
         self._same = same = start.whole
         if same < min(track.count, len(start.axial)) and track.arcs[same] <= start.covered:
@@ -199,6 +200,23 @@ class StepEquations:
         found[:same] = share * slid * np.maximum(late, 0.0)
         return found
 
+    def _kept(self, position: Position) -> Floats:
+        """Return the friction forces at the step's start on what the needle still lies in then.
+
+        Sticking that gives way is stretched by the force per length, which stays as it was where
+        the tip is drawn back in a piece; material that it cuts anew carries none.
+        """
+        whole, track = position.whole, self.track
+        found = track.pull[: whole + 1]
+        if self.friction.stiffness > 0.0:
+            length = track.arcs[whole] - track.arcs[whole - 1] if whole < track.count else 0.0
+            if self._partly is not None and self._partly[0] == whole:
+                length = 1.0 / (self.instrument.lateral_stiffness * self._partly[1])
+            if position.length < length:
+                found = found.copy()
+                found[-1] *= position.length / length
+        return found
+
     # forces at a position
 
     def solve(self, position: Position, depth: float, low: float, high: float) -> Solution:
@@ -210,7 +228,7 @@ class StepEquations:
             kinetic=position.kinetic,
             slipped=track.slipped[: whole + 1],
             travel=position.before + (depth - self.depth),
-            old=track.pull[: whole + 1],
+            old=self._kept(position),
             lengths=np.append(ends, position.length),
             lag=self._lag(whole, depth - self.depth),
         )

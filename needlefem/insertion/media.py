@@ -69,7 +69,10 @@ class Medium(Protocol):
         ...
 
     def finish(self, load: Floats) -> None:
-        """End the step under the needle's forces, shape (ndofs,), N."""
+        """End the step under the needle's forces, shape (ndofs,), N.
+
+        Forces that change at the step's end (the tip runs ahead) are given one after the other.
+        """
         ...
 
     def energies(self) -> dict[str, float]:

@@ -96,7 +96,6 @@ class Progress:
         self.arc, self.count, self.evaluations = 0.0, 0, 0
         self.contact: Contact
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
-        self._unfinished = False
         self._contacts: Recent[Responses, Contact] = Recent()
         self._field: Field = Rest(model.dim)
         self._solved: list[StepEquations] = []
@@ -223,25 +222,19 @@ class Progress:
         return self._weighed(state, StepField(self.contact, np.zeros(0), trial, forces))
 
     def _weighed(self, state: State, field: Field, moment: Moment | None = None) -> Found:
-        spent = self.account.weigh(self.state, state, (self._field, field))
+        fields = (self._field, field)
+        spent = self.account.weigh(self.state, state, fields, self.track.length)
         return Found(state, field, spent, moment)
 
     # what it ends in
 
-    def accept(self, found: Found, *, finish: bool = True) -> State:
-        """Make what was found the state.
-
-        Parameters
-        ----------
-        found : Found
-        finish : bool
-            Whether the tissue's step ends with it.
-        """
+    def accept(self, found: Found) -> State:
+        """Make what was found the state; the tissue takes its forces in the step that has begun."""
         track, moment = self.track, found.moment
         if moment is None:
             track.remember(np.zeros(0), np.zeros(0))
             self.arc = 0.0
-            return self._keep(found, finish=finish)
+            return self._keep(found)
         solution, state = moment.solution, found.state
         assert solution is not None
         assert state.end is not None
@@ -249,7 +242,7 @@ class Progress:
         if ahead:
             track.front = solution.position.tip
         track.remember(state.axial, solution.slipped)
-        self._keep(found, finish=finish)
+        self._keep(found)
         self.arc = moment.arc
         long = solution.position.length >= (1.0 - 1e-9) * self.instrument.spacing
         if ahead and (long or moment.whole):
@@ -281,7 +274,7 @@ class Progress:
         self.contact.adopt(trial, 0, 0.0, np.zeros(count), 0.0)
         self.pieces.append(self.contact.pieces[-1])
 
-    def _keep(self, found: Found, *, finish: bool) -> State:
+    def _keep(self, found: Found) -> State:
         old, state = self.state, found.state
         if self.chronicle.seeds:
             state = dataclasses.replace(state, seeds=self.chronicle.places(found.field))
@@ -291,17 +284,8 @@ class Progress:
         self.count += 1
         self.evaluations += sum(equations.evaluations for equations in self._solved)
         self._solved.clear()
-        self._unfinished = True
-        if finish:
-            self.finish()
+        self.medium.finish(load(self.model, self.instrument.axis.frame, state, self.pieces))
+        self.account.set_tissue(self.medium.energies())
         self.chronicle.deepen(state)
         self.chronicle.tell(old, state, self.spent)
         return state
-
-    def finish(self) -> None:
-        """End the tissue's step in the newest state, if it has not ended yet."""
-        if self._unfinished:
-            frame = self.instrument.axis.frame
-            self.medium.finish(load(self.model, frame, self.state, self.pieces))
-            self.account.set_tissue(self.medium.energies())
-            self._unfinished = False

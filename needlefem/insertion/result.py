@@ -139,12 +139,11 @@ class Ledger:
 
     `identity` is the largest mismatch of any step between the change of strain energy and the
     work of all forces on the tissue, relative to the needle's work. Motions that go back and
-    forth have more: `contact` is what the crack front takes where the tip leaves it or comes
-    back within a step, `relaxation` what viscous tissue takes, `turnover` the work of all steps
+    forth have more: `relaxation` is what viscous tissue takes, `turnover` the work of all steps
     whatever its sign, `least` the least that friction, cutting or snaps took in a step. Tissue
     with inertia has `kinetic` energy, viscous `damping`, and what the integrator takes
     (`algorithmic`); what is lost as the needle catches a point that had another velocity is
-    `capture`.
+    `capture`. `contact` is nothing: the tip's force does no work over a gap to the crack front.
     """
 
     work: float

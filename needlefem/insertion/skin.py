@@ -9,6 +9,9 @@ from needlefem.fem.interpolation import Weights
 from needlefem.needle.contact import Contact
 from needlefem.needle.functionals import Trial
 
+CLOSE = 1e-9
+"""Force at a step's end, to this part of that at its other end, that is none."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Touch:
@@ -21,7 +24,7 @@ class Touch:
 
 
 def touch(contact: Contact, weights: Weights, limit: float, depths: tuple[float, float]) -> Touch:
-    """Press on the entry point, to a depth or until the skin is cut.
+    """Press on the entry point, to a depth, or until the skin is cut, left or met.
 
     Parameters
     ----------
@@ -36,16 +39,26 @@ def touch(contact: Contact, weights: Weights, limit: float, depths: tuple[float,
         be cut where the skin is.
     """
     trial, (start, depth) = contact.try_functionals(weights), depths
-    forces = _holding(contact, trial, depth)
-    if depth != start and forces[0] > limit:
-        per_depth = (forces[0] - _holding(contact, trial, start)[0]) / (depth - start)
-        depth -= float((forces[0] - limit) / per_depth)
-        forces = _holding(contact, trial, depth)
-        forces[0] = limit
+    forces = holding(contact, trial, depth)
+    if depth != start:
+        first = holding(contact, trial, start)
+        per_depth = (forces[0] - first[0]) / (depth - start)
+        small = CLOSE * max(abs(forces[0]), abs(first[0]))
+        if forces[0] > limit:
+            depth -= float((forces[0] - limit) / per_depth)
+            forces = holding(contact, trial, depth)
+            forces[0] = limit
+        elif first[0] * forces[0] < 0.0 and min(abs(first[0]), abs(forces[0])) > small:
+            depth -= float(forces[0] / per_depth)
+            forces = np.zeros_like(forces)
     return Touch(trial, depth, forces, bool(forces[0] >= limit))
 
 
-def _holding(contact: Contact, trial: Trial, depth: float) -> Floats:
+def holding(contact: Contact, trial: Trial, depth: float) -> Floats:
+    """Return the forces that hold the material of a trial at the tip, pulling or pushing.
+
+    Shape (dim,), N (N/m in 2D).
+    """
     wanted = np.zeros(contact.dim)
     wanted[0] = depth
     found: Floats = np.linalg.solve(trial.bare, wanted - trial.displacement).astype(float)

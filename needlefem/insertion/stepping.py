@@ -3,8 +3,9 @@
 After every step the tissue is in equilibrium with the needle where it is told to be. Where
 something happens within a step (the tip starts to cut, leaves the crack front or comes back to
 it, leaves the skin), the step is cut there if the tissue has no memory of time; otherwise it
-happens at the step's end, and a step in which contact would give energy, or the tip run ahead,
-is taken in halves.
+happens at the step's end. In all tissue a step ends where the needle leaves the skin or comes
+back to it (`skincrossing.py`). A step in which contact would give energy is taken in halves; if
+that does not help, the motion ends there.
 """
 
 from collections.abc import Iterable, Iterator
@@ -25,6 +26,7 @@ from needlefem.insertion.progress import Found, Progress
 from needlefem.insertion.result import Ledger, LeftTissueError, Outcome, Snap, Status
 from needlefem.insertion.schedule import Tick
 from needlefem.insertion.skin import touch
+from needlefem.insertion.skincrossing import crossing_of_uncut_skin, crossing_on_path
 from needlefem.insertion.state import State, Way
 from needlefem.insertion.ways import Moment, attempt, first_change, within_piece
 from needlefem.needle.friction import Friction
@@ -34,9 +36,11 @@ from needlefem.needle.instrument import Instrument
 NUDGE = 1e-5
 """Depth beyond that of a tip about to run ahead, relative to the spacing, at which it does."""
 GIVES = 1e-10
-"""Energy that contact may give in a step in time, of the turnover, before it is halved."""
+"""Energy that contact may give in a step, of the turnover, before the step is halved."""
 HALVINGS = 10
 """Of such a step, at most."""
+REFUSED = 5e-10
+"""Energy that contact may give in a step, of the turnover, before the motion ends there."""
 
 
 class Stepping:
@@ -96,17 +100,12 @@ class Stepping:
             sentence = f"the motion ended at {100.0 * self._progress.state.depth:.4g} cm"
             self.outcome = Outcome(Status.COMPLETED, sentence)
         except LeftTissueError as error:
-            self._end(error.outcome)
+            self.outcome = error.outcome
         except OutsideError:
-            self._end(self._progress.left().outcome)
+            self.outcome = self._progress.left().outcome
         except SimulationError as error:
             sentence = f"after {100.0 * self._progress.state.depth:.4g} cm of depth: {error}"
-            self._end(Outcome(Status.NOT_CONVERGED, sentence))
-
-    def _end(self, outcome: Outcome) -> None:
-        """End before the motion does, with the step in time that was begun."""
-        self._progress.finish()
-        self.outcome = outcome
+            self.outcome = Outcome(Status.NOT_CONVERGED, sentence)
 
     def take_over(self, march: March, speed: float, spent: Ledger) -> None:
         """Go on where a march ended; see `Progress.take_over`."""
@@ -123,6 +122,10 @@ class Stepping:
                 self._told_apart = True
             start = (now.time, now.depth)
             while (now := self._progress.state).time < tick.time or now.depth != tick.depth:
+                if not self.medium.timeless and now.time > start[0]:
+                    tick = tick._replace(duration=tick.time - now.time)  # what is left of it
+                    start = (now.time, now.depth)
+                    self._progress.begin(tick.duration)
                 yield from self._advance(tick, start, halvings)
         elif tick.releases:
             yield self._progress.release(tick.releases)
@@ -146,10 +149,22 @@ class Stepping:
             yield from self._run_ahead(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
+            if self._crosses_skin(tick, new.way is Way.OUT):
+                share = crossing_on_path(self._progress, tick)
+                if share < 1.0:
+                    yield self._accept(self._ended_at(share, tick), tick)
+                    return
             yield from self._settle(found, tick, halvings)
 
     def _accept(self, found: Found, tick: Tick) -> State:
-        """Accept what was found, and release at the tick's end what is released there."""
+        """Accept what was found, and release at the tick's end what is released there.
+
+        Raises
+        ------
+        SimulationError
+            Contact gives energy in the step.
+        """
+        self._refuse_gift(found)
         state = self._progress.accept(found)
         if state.time >= tick.time and state.depth == tick.depth and tick.releases:
             return self._progress.release(tick.releases)
@@ -157,11 +172,45 @@ class Stepping:
 
     def _settle(self, found: Found, tick: Tick, halvings: int) -> Iterator[State]:
         """Accept what was found, or take the step in halves if contact gives too much in it."""
-        gives = found.spent.least < -GIVES * self.account.turnover
-        if gives and halvings and not self.medium.timeless:
+        if self._gives(found, GIVES) and halvings:
             yield from self._in_halves(tick, halvings)
         else:
             yield self._accept(found, tick)
+
+    def _gives(self, found: Found, most: float) -> bool:
+        """Say whether contact gives more than a part of the turnover in a step."""
+        return found.spent.least < -most * (self.account.turnover + abs(found.spent.work))
+
+    def _refuse_gift(self, found: Found) -> None:
+        """Raise a `SimulationError` if contact gives energy in a step."""
+        if self._gives(found, REFUSED):
+            depth, work = self._progress.state.depth, self.account.turnover
+            share = -found.spent.least / (work + abs(found.spent.work))
+            raise SimulationError(
+                f"beyond {depth:.4g} m contact would give energy, {share:.1e} of the work so far: "
+                "the tissue at the needle is strained beyond what small strain describes; refine "
+                "the mesh there, or take a stiffer tissue or a sharper needle"
+            )
+
+    def _crosses_skin(self, tick: Tick, out: bool) -> bool:
+        """Say whether a step, at whose end the needle is out or not, is cut at the skin.
+
+        Tissue with inertia is met at the step's end: in the short rest of a step it would be
+        brought to the needle's velocity by too large a force. The needle leaves it, where it is
+        not the tissue that swings away, at that moment.
+        """
+        now = self._progress.state
+        if self.medium.timeless or out is (now.way is Way.OUT):
+            return False
+        return not self.medium.inertial or (out and tick.depth < now.depth)
+
+    def _ended_at(self, share: float, tick: Tick) -> Found:
+        """Return a step's end with the needle at the skin, touching nothing."""
+        now = self._progress.state
+        time = now.time + share * (tick.time - now.time)
+        depth = now.depth + share * (tick.depth - now.depth)
+        self._progress.begin(time - now.time)
+        return self._progress.free(time, depth)
 
     def _in_halves(self, tick: Tick, halvings: int) -> Iterator[State]:
         """Take the step in two of half its duration."""
@@ -188,7 +237,8 @@ class Stepping:
             if step.excess <= 0.0:
                 break
             jump = progress.found(Moment(Way.JUMPING, track.length, depth, step), time)
-            yield progress.accept(jump, finish=timeless)
+            self._refuse_gift(jump)
+            yield progress.accept(jump)
         landing = land(equations, high, depth, low)
         moment = Moment(Way.CUTTING, track.length, depth, landing, whole=timeless)
         found = progress.found(moment, time)
@@ -215,6 +265,11 @@ class Stepping:
         before = progress.state.depth if timeless else tick.depth
         found = touch(progress.contact, weights, limit, (before, tick.depth))
         time = tick.time_at(found.depth, start)
+        if self._crosses_skin(tick, found.forces[0] <= 0.0):
+            share = crossing_of_uncut_skin(progress, tick)
+            if share < 1.0:
+                yield self._accept(self._ended_at(share, tick), tick)
+                return
         if found.forces[0] <= 0.0:
             yield from self._settle(progress.free(time, found.depth), tick, halvings)
             return

@@ -23,6 +23,8 @@ class ViscoelasticMedium:
     def __init__(self, model: Model) -> None:
         self.model, self.system = model, TissueSystem(model)
         self._motion: Motion | None = None
+        self._start: Motion
+        self._ended = False
         self._steppers: Recent[float, tuple[StaticStepper, Responses]] = Recent()
         self._energies: dict[str, float] = {}
         self._forces = np.zeros(self.system.size)
@@ -38,6 +40,7 @@ class ViscoelasticMedium:
         if self._motion is None:
             rest = np.zeros(self.system.size)
             self._motion = self._stepper.start(rest, rest)
+        self._start, self._ended = self._motion, False
         self._free = self._stepper.free_motion(self._motion)
         self.background = self.system.nodal(self._free)
 
@@ -52,12 +55,12 @@ class ViscoelasticMedium:
         """See `Medium`."""
         assert self._motion is not None
         force = load[self.model.free_dofs]
-        new = self._stepper.advance(self._motion, self._free + self._stepper.factor.solve(force))
+        new = self._stepper.advance(self._start, self._free + self._stepper.factor.solve(force))
         ledger = EnergyLedger(self._stepper)
-        ledger.add(self._motion, new, self._forces, force)
+        ledger.add(self._motion, new, self._forces, force, at_once=self._ended)
         for name in ("strain", "stored", "relaxation"):
             self._energies[name] = self._energies.get(name, 0.0) + getattr(ledger, name)
-        self._motion, self._forces = new, force
+        self._motion, self._forces, self._ended = new, force, True
 
     def energies(self) -> dict[str, float]:
         """See `Medium`."""

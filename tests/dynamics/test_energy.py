@@ -116,7 +116,7 @@ def test_a_wrong_term_shows_in_the_residual(
     integrator: Integrator, wrong: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def changed(function: Callable[..., float]) -> Callable[..., float]:
-        return lambda *arguments: 1.001 * function(*arguments)
+        return lambda *arguments, **options: 1.001 * function(*arguments, **options)
 
     if wrong == "kinetic":
         monkeypatch.setattr(module, "kinetic_energy", changed(module.kinetic_energy))

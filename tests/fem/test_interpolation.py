@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from skfem import Basis
+from skfem import Basis, MeshQuad
 
 from needlefem.checks.models import square_mesh
 from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.fem.cellmap import BilinearMap
 from needlefem.fem.interpolation import Interpolation, OutsideError
 from needlefem.fem.locate import Locator
 from needlefem.fem.mesh import box, into_quadrilaterals, near_segment, refine
@@ -53,6 +54,27 @@ def test_every_point_of_a_graded_mesh_is_found(cell: str) -> None:
     shape = ShapeTable(mesh.elem())(reference)
     mapped = np.einsum("dcn,nc->nd", mesh.p[:, mesh.t[:, cells]], shape)
     assert mapped == pytest.approx(points, abs=1e-12)
+
+
+@pytest.mark.parametrize("turned", [1, -1])
+def test_bilinear_maps_of_any_convex_cell_are_inverted(turned: int) -> None:
+    """Also of cells so far from parallelograms that the map folds over not far beside them."""
+    random = np.random.default_rng(5)
+    corners = np.sort(random.uniform(0.0, 2.0 * np.pi, (20000, 4)), axis=1)[:, ::turned]
+    size = random.uniform(0.2, 3.0, (len(corners), 1))
+    points = np.stack([size * np.cos(corners), np.sin(corners)], axis=2)
+    along, across = np.roll(points, -1, 1) - points, np.roll(points, 1, 1) - points
+    turn = turned * (along[..., 0] * across[..., 1] - along[..., 1] * across[..., 0])
+    points = points[turn.min(axis=1) > 1e-2]  # on an ellipse: convex, and no corner is flat
+    assert len(points) > 5000
+    mesh = MeshQuad(points.reshape(-1, 2).T, np.arange(4 * len(points)).reshape(-1, 4).T)
+    local = random.uniform(0.0, 1.0, (len(points), 2))
+    (x, y), bilinear = local.T, BilinearMap(mesh)
+    shares = np.stack([(1.0 - x) * (1.0 - y), x * (1.0 - y), x * y, (1.0 - x) * y], axis=1)
+    placed = np.einsum("nc,ncd->nd", shares, points)
+    found = bilinear.invert(np.arange(len(points)), placed)
+    assert np.abs(found - local).max() < 1e-9
+    assert bilinear.depth(found).min() > -1e-9
 
 
 def test_shared_points_belong_to_the_lowest_cell() -> None:

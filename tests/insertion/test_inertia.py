@@ -58,22 +58,17 @@ def test_ledger_closes_and_nothing_gives_energy(gel: Scene, integrator: str, spe
     assert min(energies.kinetic, energies.damping, energies.friction, energies.cutting) > 0.0
 
 
-def test_steps_in_which_contact_would_give_are_halved(
-    gel: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Tissue swings at the mouth of a hole from which a needle was drawn, in steps too long."""
+def test_tissue_that_swings_on_and_off_the_tip_gives_nothing(gel: Scene) -> None:
+    """At the mouth of a hole from which a needle was drawn, in steps too long for it."""
     stages = (Stage(to=0.01), Stage(to=0.0), Stage(hold=0.4))
     changes = {
         "damping": SOME, "discretisation.time_step": 0.02, "motion.stages": stages,
         "motion.speed": 0.05, "discretisation.integrator": "newmark",
     }  # fmt: skip
-    halved = moved(vary(gel, changes), "newmark")
-    monkeypatch.setattr("needlefem.insertion.stepping.GIVES", np.inf)
-    whole = moved(vary(gel, changes), "newmark")
-    assert ledger(whole).given > 1e-7
-    assert ledger(halved).given <= 1e-9
-    assert len(whole.states) < len(halved.states) < 2 * len(whole.states)
-    assert ledger(halved).residual <= 1e-11
+    found = moved(vary(gel, changes), "newmark")
+    assert sum(state.way is Way.OUT for state in found.states) >= 3
+    assert ledger(found).given <= 1e-9
+    assert ledger(found).residual <= 1e-11
 
 
 def test_undamped_motion_loses_energy_to_friction_and_cutting_alone(gel: Scene) -> None:

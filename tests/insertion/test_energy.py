@@ -1,0 +1,115 @@
+"""No motion of a needle creates energy, and every term of its ledger is found by itself."""
+
+import numpy as np
+import pytest
+
+from needlefem.insertion.ledger import ledger
+from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import Way
+from needlefem.materials import Isotropic, Viscoelastic
+from needlefem.scene import Scene, Stage, vary
+
+MOTIONS = {
+    "in and out": (0.012, -0.004),
+    "in and out twice": (0.008, -0.003, 0.013, -0.003),
+    "to and fro": (0.01, 0.004, 0.013, 0.002, 0.006, -0.004),
+}
+SLOW = Viscoelastic(
+    youngs_modulus=30e3, poissons_ratio=0.45, density=1000.0, shares=(0.5,), times=(1.0,)
+)
+STIFF = Isotropic(youngs_modulus=30e3, poissons_ratio=0.45, density=1000.0)
+TISSUES = {
+    "elastic": {"materials.gel": STIFF, "discretisation.integrator": "quasi-static"},
+    "viscoelastic": {"materials.gel": SLOW, "discretisation.integrator": "quasi-static"},
+    "dynamic": {
+        "materials.gel": STIFF, "discretisation.integrator": "generalised-alpha",
+        "motion.speed": 0.05, "discretisation.time_step": 0.01,
+    },
+    "dynamic and viscoelastic": {
+        "materials.gel": SLOW, "discretisation.integrator": "newmark",
+        "motion.speed": 0.05, "discretisation.time_step": 0.01,
+    },
+}  # fmt: skip
+
+
+def moved(gel: Scene, tissue: str, depths: tuple[float, ...], **changes: object) -> Insertion:
+    coarse = {"mesh.divisions": (10, 10), "discretisation.path_spacing": 3e-3}
+    stages = tuple(Stage(to=depth) for depth in depths)
+    scene = vary(gel, coarse | TISSUES[tissue] | {"motion.stages": stages} | changes)
+    simulation = Simulation(scene)
+    return simulation.move(simulation.entry_of_case())
+
+
+@pytest.mark.parametrize("tissue", TISSUES)
+@pytest.mark.parametrize("motion", MOTIONS)
+@pytest.mark.parametrize("give", [0.0, 1e8])
+def test_no_step_creates_energy(gel: Scene, tissue: str, motion: str, give: float) -> None:
+    found = moved(gel, tissue, MOTIONS[motion], **{"needle.stick_stiffness": give})
+    energies = ledger(found)
+    assert found.outcome.status is Status.COMPLETED
+    assert energies.given <= 1e-9
+    assert energies.residual <= 1e-11
+    assert energies.identity <= 1e-11
+    assert min(energies.friction, energies.cutting) > 0.0
+
+
+@pytest.mark.parametrize("depths", [(0.01, -0.005), (0.01, -0.005, 0.008, -0.002)])
+def test_pressing_elastic_skin_without_cutting_it_takes_no_work(
+    gel: Scene, depths: tuple[float, ...]
+) -> None:
+    found = moved(gel, "elastic", depths, **{"needle.cutting_force": 1e9})
+    energies = ledger(found)
+    assert abs(energies.work) <= 1e-12 * energies.turnover
+    changes = [n for n, s in enumerate(found.states[1:], 1) if _leaves(found, n) and s.depth < 1e-4]
+    assert changes
+    for number in changes:
+        assert found.states[number].depth == pytest.approx(0.0, abs=1e-12)
+
+
+def _leaves(found: Insertion, number: int) -> bool:
+    return found.states[number].way is Way.OUT is not found.states[number - 1].way
+
+
+@pytest.mark.parametrize("tissue", ["viscoelastic", "dynamic", "dynamic and viscoelastic"])
+@pytest.mark.parametrize("cut", [False, True])
+def test_the_step_in_which_the_tip_leaves_the_skin_ends_there(
+    gel: Scene, tissue: str, cut: bool
+) -> None:
+    """Long steps leave it where short ones do."""
+    changes: dict[str, object] = {} if cut else {"needle.cutting_force": 1e9}
+    places, forces = [], []
+    for step in (0.02, 0.0025) if "dynamic" in tissue else (0.2, 0.025):
+        changes["discretisation.time_step"] = step
+        found = moved(gel, tissue, (0.008, -0.008), **changes)
+        leaves = [n for n in range(1, len(found.states)) if _leaves(found, n)]
+        places.append(found.states[leaves[-1]].depth)
+        forces.append(max(abs(state.force) for state in found.states))
+        assert found.states[leaves[-1]].force == 0.0
+    assert places[0] == pytest.approx(places[1], abs=4e-4)
+    assert forces[0] == pytest.approx(forces[1], rel=0.1)
+
+
+def test_a_viscoelastic_snap_is_accounted_for_state_by_state(popping: Scene) -> None:
+    slow = Viscoelastic(
+        youngs_modulus=popping.materials["gel"].youngs_modulus,  # type: ignore[attr-defined]
+        poissons_ratio=0.45, density=1000.0, shares=(0.4,), times=(1.0,),
+    )  # fmt: skip
+    scene = vary(popping, {"materials.gel": slow, "discretisation.integrator": "quasi-static"})
+    simulation = Simulation(scene)
+    found = simulation.move(simulation.entry_of_case())
+    assert any(state.jumping for state in found.states)
+    assert ledger(found).residual <= 1e-11
+
+
+def test_slow_insertions_with_inertia_spend_what_quasi_static_ones_do(gel: Scene) -> None:
+    """Term by term: what one of them had too much, another would lack."""
+    depths = (0.012,)
+    still = ledger(moved(gel, "elastic", depths, **{"materials.gel": STIFF}))
+    slow = {"motion.speed": 0.002, "discretisation.time_step": 0.1}
+    swung = ledger(moved(gel, "dynamic", depths, **slow))
+    for name in ("work", "strain", "friction", "cutting"):
+        ours, theirs = getattr(swung, name), getattr(still, name)
+        assert ours == pytest.approx(theirs, rel=0.01), name
+    assert abs(swung.capture - still.capture) <= 1e-3 * still.work
+    assert np.isclose(swung.residual, 0.0, atol=1e-11)
