@@ -11,6 +11,8 @@ from needlefem.segments import SegmentTree, meet, turn
 
 THIN = 1e-12
 """A contour encloses nothing when its area is at most this share of its size squared."""
+FARTHEST = 1e4
+"""Largest coordinate of a corner, m: what is farther away has lost its unit or its exponent."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -167,6 +169,11 @@ class Contour:
             place = ", ".join(f"{x:g}" for x in self.points[wrong[0]])
             problem = f"corner {wrong[0] + 1} is at ({place})"
             raise CaseError(key, problem, "give every corner finite coordinates")
+        far = np.flatnonzero(np.any(np.abs(self.points) > FARTHEST, axis=1))
+        if far.size:
+            place = ", ".join(f"{x:g}" for x in self.points[far[0]])
+            problem = f"corner {far[0] + 1} is at ({place}) m, farther than {FARTHEST:g} m away"
+            raise CaseError(key, problem, "check its numbers and the unit in the header")
         if len(self.points) < 3:
             problem = f"{len(self.points)} different points"
             raise CaseError(key, problem, "a contour needs at least 3")

@@ -130,3 +130,9 @@ def test_where_contours_meet() -> None:
     assert one.meeting(Contour(0.01 + 0.5 * np.array(SIDE))) is None
     place = one.meeting(one.moved(np.array([0.02, 0.02])))
     assert one.distance(place[None])[0] < 1e-15
+
+
+def test_corners_far_away_are_refused() -> None:
+    contour = Contour(np.array([[0.0, 0.0], [0.01, 0.0], [0.0, 1e308]]))
+    with pytest.raises(CaseError, match=r"organ: corner 3 is at \(0, 1e\+308\) m, farther than"):
+        contour.check("organ")

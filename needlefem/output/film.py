@@ -58,7 +58,12 @@ class Film:
         plane = insertion.scene.regions.values() if self.model.dim == 2 else ()
         self.outlines = tuple(region.contour.points for region in plane)
         place = self.model.interpolation.at
-        self._outline_weights = [place(points) for points in self.outlines]
+        find = self.model.interpolation.locator.find
+        self._within = [find(points)[0] >= 0 for points in self.outlines]
+        self._outline_weights = [
+            place(points[within]) if np.any(within) else None
+            for points, within in zip(self.outlines, self._within, strict=True)
+        ]
         states = insertion.states
         cut = [n for n, s in enumerate(states) if s.way in (Way.CUTTING, Way.JUMPING)]
         self._cut: Ints = np.array(cut, dtype=np.intp)
@@ -110,7 +115,7 @@ class Film:
         u: Floats = pair @ mix
         nodal, states = self.model.nodal(u), self.insertion.states
         one, other = states[before], states[after]
-        moved = [w.of(nodal) for w in self._outline_weights]
+        moved = [self._outline_moved(number, nodal) for number in range(len(self.outlines))]
         cut = int(np.searchsorted(self._cut, after if share == 1.0 else before, side="right"))
         path = self._path[:cut]
         if self._path_weights is not None:
@@ -127,6 +132,14 @@ class Film:
             path=path,
             seeds=seeds,
         )
+
+    def _outline_moved(self, number: int, nodal: Floats) -> Points:
+        """Return the displacement of an outline; what lies outside the tissue does not move."""
+        moved = np.zeros(self.outlines[number].shape)
+        weights = self._outline_weights[number]
+        if weights is not None:
+            moved[self._within[number]] = weights.of(nodal)
+        return moved
 
     def _fields(self, numbers: Ints) -> Floats:
         """Return the displacements in some states, shape (ndofs, n), m."""

@@ -27,6 +27,8 @@ STATUSES = (0, 1, 2, 3, 4)
 CANARY = CODE.partition(":")[0]
 FOREIGN = re.compile(r"Warning:|^\s*File \"|vtk[A-Z]|kwarg |ERROR|Error:|HDF5")
 """What lines of dependencies have in them that reach the user."""
+PROGRESS = re.compile(r"needlefem \w+: \d+ s")
+"""How lines of progress begin, which are no messages."""
 CACHES = (str(Path.home() / ".config"), str(Path.home() / ".cache"))
 """Folders in which dependencies keep what they found out about the machine."""
 HELPERS = (sys.executable, "xset")
@@ -209,10 +211,14 @@ def _run(command_line: CommandLine, arguments: Sequence[str], folder: Path) -> _
 
 
 def _wanted(arguments: Sequence[str]) -> list[str]:
-    """Return the place that ``--out`` names, which need not be one to write to."""
+    """Return the place that ``--out`` names, which need not be one to write to; a picture's folder.
+
+    A picture is written beside its place first.
+    """
     if "--out" not in arguments:
         return []
-    return [os.path.abspath(arguments[arguments.index("--out") + 1])]  # noqa: PTH100  (no links)
+    place = os.path.abspath(arguments[arguments.index("--out") + 1])  # noqa: PTH100  (no links)
+    return [str(Path(place).parent)] if arguments[0] == "render" else [place]
 
 
 def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
@@ -226,7 +232,7 @@ def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
         try:
             load_result(arguments[1])
         except NeedlefemError as error:
-            sys.stderr.write(f"{error}\n")
+            sys.stderr.write(f"needlefem: {error}\n")
             return error.exit_status
     return 0
 
@@ -237,10 +243,10 @@ def _show_warning(  # noqa: PLR0917  (as Python calls it)
     filename: str,
     lineno: int,
     file: Any = None,  # noqa: ARG001
-    line: str | None = None,
+    line: str | None = None,  # noqa: ARG001
 ) -> None:
-    """Write a warning where Python does, whoever has turned that to another place."""
-    sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))
+    """Write a warning as Python does, whoever has turned that to another form or place."""
+    sys.stderr.write(f"{filename}:{lineno}: {category.__name__}: {message}\n")
 
 
 @contextlib.contextmanager
@@ -340,7 +346,8 @@ def _faults(said: _Said, folder: Path) -> Iterator[Fault]:
 
 def _message_faults(said: _Said) -> Iterator[Fault]:
     """Yield what is wrong with the lines on standard error; usage by argparse may be longer."""
-    told = [line for line in said.errors.splitlines() if not line.startswith("warning:")]
+    lines = said.errors.splitlines()
+    told = [line for line in lines if not line.startswith("warning:") and not PROGRESS.match(line)]
     if told and told[0].startswith("usage:"):
         return
     text = "\n".join(told)
@@ -349,7 +356,10 @@ def _message_faults(said: _Said) -> Iterator[Fault]:
         yield Fault(requirement="two lines", detail=detail)
     elif said.status not in (0, 1) and not text:
         yield Fault(requirement="a message", detail=f"none with status {said.status}")
-    lines = [*told, *said.output.splitlines()]
-    odd = [line for line in lines if FOREIGN.search(line) and not line.startswith("needlefem:")]
+    odd = [
+        line
+        for line in (*told, *said.output.splitlines())
+        if FOREIGN.search(line) and not line.startswith("needlefem:")
+    ]
     if odd:
         yield Fault(requirement="no lines of dependencies", detail="\n".join(odd[:5])[:600])
