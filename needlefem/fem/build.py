@@ -73,6 +73,8 @@ def _box_cells(
             least: Floats = larger * np.min([field(points) for field in fields], axis=0)
             return least
 
+        for contour, size in _contour_sizes(scene, wanted, contours):
+            mesh = meshes.find_contour(mesh, contour, larger * size)
         mesh = meshes.refine(mesh, wanted_size)
     if fitted:
         mesh = fit_to_contours(mesh, contours)
@@ -145,11 +147,16 @@ def _size_fields(
         fields.append(
             meshes.near_segment(begin, end, 0.5 * refine.corridor_width, refine.corridor_size)
         )
-    for name, contour in contours.items():
-        size = scene.regions[name].contour_size or refine.contour_size
-        if size > 0.0:
-            fields.append(meshes.near_contour(contour, size))
-    return fields
+    sizes = _contour_sizes(scene, wanted, contours)
+    return fields + [meshes.near_contour(contour, size) for contour, size in sizes]
+
+
+def _contour_sizes(
+    scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
+) -> list[tuple[Contour, float]]:
+    """Return the contours along which an element size (m) is wanted, and that size."""
+    sizes = {n: scene.regions[n].contour_size or wanted.refine.contour_size for n in contours}
+    return [(contour, sizes[name]) for name, contour in contours.items() if sizes[name] > 0.0]
 
 
 def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:

@@ -13,6 +13,11 @@ from needlefem.fem.cellmap import cell_measures, is_simplicial
 BACKGROUND = "background"
 """Name of the subdomain outside all regions."""
 
+COARSEST = 4.5
+"""Largest cell over the size wanted near a contour whose corners and centroid see the contour."""
+FARTHEST_CORNER = 0.75
+"""Largest distance of a corner from the centroid of a right isosceles triangle, over its leg."""
+
 SizeField = Callable[[Points], Floats]
 """Wanted element size (m) at points, shape (n, dim); infinity where any size will do."""
 
@@ -103,6 +108,23 @@ def refine(mesh: SkfemMesh, size: SizeField, limit: int = 20) -> SkfemMesh:
     raise CaseError(
         "mesh.refine", f"still too coarse after {limit} refinements", "ask for larger elements"
     )
+
+
+def find_contour(mesh: SkfemMesh, contour: Contour, size: float, limit: int = 40) -> SkfemMesh:
+    """Refine the cells that a contour may pass, until `refine` can't miss it.
+
+    `refine` looks at corners and centroids of cells: a contour that lies between them, small
+    beside a cell, would be passed over. Cells of up to `COARSEST` times the size need no help.
+    """
+    for _ in range(limit):
+        sizes = cell_sizes(mesh)
+        large = np.flatnonzero(sizes > COARSEST * size)
+        away = contour.distance(mesh.p[:, mesh.t[:, large]].mean(axis=1).T)
+        marked = large[away < FARTHEST_CORNER * sizes[large]]
+        if not marked.size:
+            return mesh
+        mesh = mesh.refined(marked)
+    return mesh
 
 
 def near_segment(begin: Points, end: Points, halfwidth: float, size: float) -> SizeField:

@@ -190,3 +190,25 @@ def test_frames_that_can_not_be(tmp_path: Path, key: str, value: str, says: str)
     _, overrides = answered(tmp_path / "c" / "case.toml", "z_max")
     with pytest.raises(CaseError, match=says):
         load_case(tmp_path / "c" / "case.toml", [*overrides, f"frame.{key}={value}"])
+
+
+@pytest.mark.parametrize("place", [(22.3, 31.7), (9.4, 18.1)])
+def test_a_small_lesion_beside_the_needle_is_found(
+    tmp_path: Path, place: tuple[float, float]
+) -> None:
+    """It lies between the corners of the squares, which are ten times as large."""
+    turn = 2.0 * np.pi * np.arange(24) / 24
+    for name, centre, radius in (("gland", (18.0, 25.0), 20.0), ("lesion", place, 1.2)):
+        corners = np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        rows = "\n".join(f"{y:.6f}, {z:.6f}" for y, z in corners)
+        (tmp_path / f"{name}.csv").write_text(f"y [mm], z [mm]\n{rows}\n")
+    files = [str(tmp_path / name) for name in ("gland.csv", "lesion.csv")]
+    line = ["--target", "35, 25 mm", "--entry", "35, 0 mm"]
+    assert main(["new", str(tmp_path / "c"), "--contour", *files, *line]) == 0
+    _, overrides = answered(tmp_path / "c" / "case.toml", "z_max")
+    scene = load_case(tmp_path / "c" / "case.toml", overrides)
+    assert scene.mesh.interfaces == "fitted"
+    mesh = build_mesh(scene)
+    area = scene.regions["lesion"].contour.area
+    assert mesh_area(mesh, mesh.subdomains["lesion"]) == pytest.approx(area, rel=0.15)
+    assert mesh.nelements < 6000

@@ -8,6 +8,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.casefile.starters.draft import listed, millimetres, point_text
+from needlefem.casefile.starters.names import region_names
 from needlefem.contour import Contour
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_mesh
@@ -212,7 +213,7 @@ def _nearest(
 ) -> tuple[float | None, str]:
     """Return the gap between two contours, or one and a face, that no cells fit into; or None."""
     for name, contour in contours.items():
-        if box.gap(contour) < 2.0 * sizes[name]:
+        if box.gap(contour) < sizes[name]:
             return box.gap(contour), "a contour and the box"
     for (one, first), (other, second) in combinations(contours.items(), 2):
         apart = np.minimum(first.distance(second.points).min(), second.distance(first.points).min())
@@ -224,6 +225,7 @@ def _nearest(
 def _trial(draft: BoxDraft, contours: Mapping[str, Contour]) -> Scene:
     """Return a scene with the draft's mesh; its materials and its needle play no part."""
     line, largest = draft.line, max(draft.sizes.values())
+    named = region_names(contours, "")
     refine = Refinement(
         contour_size=largest,
         corridor_size=0.0 if line is None else CORRIDOR_SIZE,
@@ -243,8 +245,8 @@ def _trial(draft: BoxDraft, contours: Mapping[str, Contour]) -> Scene:
         materials={"": Isotropic(youngs_modulus=1e4, poissons_ratio=0.45)},
         background="",
         regions={
-            f"region {number}": Region(contour=contour, material="", contour_size=draft.sizes[name])
-            for number, (name, contour) in enumerate(contours.items())
+            named[name]: Region(contour=contour, material="", contour_size=draft.sizes[name])
+            for name, contour in contours.items()
         },
         supports={},
         needle=Needle(tip_radius=TIP_RADIUS, cutting_force=1.0, shaft_friction=1.0),
