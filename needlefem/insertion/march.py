@@ -8,6 +8,7 @@ step is shorter: it ends at the requested depth.
 """
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -179,23 +180,25 @@ class March:
             raise LeftTissueError(place, last.depth + share * (depth - last.depth))
 
     def _at_max_depth(self, beyond: Step) -> Step:
-        """Return the step to the requested depth, a part of one that goes beyond it."""
+        """Return the step to the requested depth, a part of one that goes beyond it.
+
+        Its length is found by inverse interpolation through the last three lengths tried, within
+        brackets.
+        """
         low, high = 0.0, self._length(beyond)
-        under, over = self.states[-1].depth - self.max_depth, beyond.depth - self.max_depth
-        step, before = beyond, 0.0
-        for _ in range(MOST_ITERATIONS):  # a secant within brackets: Illinois' method
-            length = low - under * (high - low) / (over - under)
+        known = [(self.states[-1].depth - self.max_depth, low), (beyond.depth - self.max_depth, high)]
+        step = beyond
+        for _ in range(MOST_ITERATIONS):
+            length = _inverse(known[-3:])
+            if not low < length < high:
+                length = 0.5 * (low + high)
+            self._solver.expect(step)
             step = self._solve(length)
             excess = step.depth - self.max_depth
-            if abs(excess) <= ROUND_OFF or not low < length < high:
+            if abs(excess) <= ROUND_OFF or high - low <= ROUND_OFF:
                 break
-            if excess > 0.0:
-                high, over = length, excess
-                under *= 0.5 if before > 0.0 else 1.0
-            else:
-                low, under = length, excess
-                over *= 0.5 if before < 0.0 else 1.0
-            before = excess
+            known.append((excess, length))
+            low, high = (low, length) if excess > 0.0 else (length, high)
         return step
 
     def _keep(self, state: State) -> State:
@@ -333,6 +336,17 @@ def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> Sta
         lateral=none,
         moved=np.zeros((0, len(lateral) + 1)),
     )
+
+
+def _inverse(points: list[tuple[float, float]]) -> float:
+    """Return where a quantity vanishes, by interpolation of the place over the quantity."""
+    found = 0.0
+    for number, (value, place) in enumerate(points):
+        others = [other for n, (other, _) in enumerate(points) if n != number]
+        if value in others:
+            return np.nan
+        found += place * math.prod(other / (other - value) for other in others)
+    return found
 
 
 def _root(solve: Callable[[float], Step], spacing: float) -> Step:

@@ -109,6 +109,10 @@ class StepSolver:
         self._slope = step.slope
         self._guide.learnt.append((self._slope, self._jacobian))
 
+    def expect(self, step: Step) -> None:
+        """Expect the next step to go in the direction of one that is not made."""
+        self._slope = step.slope
+
     def solve(self, last: Vector, length: float, depth: float | None = None) -> Step:
         """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
 
