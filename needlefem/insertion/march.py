@@ -185,8 +185,8 @@ class March:
         Its length is found by inverse interpolation through the last three lengths tried, within
         brackets.
         """
-        low, high = 0.0, self._length(beyond)
-        known = [(self.states[-1].depth - self.max_depth, low), (beyond.depth - self.max_depth, high)]
+        low, high, goal = 0.0, self._length(beyond), self.max_depth
+        known = [(self.states[-1].depth - goal, low), (beyond.depth - goal, high)]
         step = beyond
         for _ in range(MOST_ITERATIONS):
             length = _inverse(known[-3:])
@@ -194,7 +194,7 @@ class March:
                 length = 0.5 * (low + high)
             self._solver.expect(step)
             step = self._solve(length)
-            excess = step.depth - self.max_depth
+            excess = step.depth - goal
             if abs(excess) <= ROUND_OFF or high - low <= ROUND_OFF:
                 break
             known.append((excess, length))
