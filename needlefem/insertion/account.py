@@ -184,7 +184,8 @@ class Account:
         """Go on from the ledger of a march."""
         for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
             setattr(self, name, getattr(found, name))
-        self.turnover, self.mismatch = abs(found.work), found.identity * abs(found.work)
+        self.turnover, self.mismatch = found.turnover, found.identity * abs(found.work)
+        self.least = min(found.least, 0.0)
 
     def set_tissue(self, energies: Mapping[str, float]) -> None:
         """Take the tissue's energies, stored and lost, from a medium that knows them."""

@@ -9,6 +9,7 @@ from needlefem.fem.model import Model
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
 from needlefem.needle.functionals import Piece
+from needlefem.scene.method import DYNAMIC
 
 
 def loads(insertion: Insertion, states: Sequence[int]) -> Floats:
@@ -70,6 +71,20 @@ def _add(target: Floats, dofs: Ints, weights: Floats, force: Floats) -> None:
     target[dofs] += weights[:, None] * force  # a functional has every node once
 
 
+def depends_on_time(insertion: Insertion) -> bool:
+    """Say whether a state's displacement is more than what its forces do at rest."""
+    inertial = insertion.scene.discretisation.integrator in DYNAMIC
+    return inertial or bool(insertion.model.branches)
+
+
 def displacements(insertion: Insertion, states: Sequence[int]) -> Floats:
-    """Return the displacement of all dofs in some states, shape (ndofs, nstates), m."""
+    """Return the displacement of all dofs in some states, shape (ndofs, nstates), m.
+
+    Elastic tissue is in equilibrium with a state's forces. Where it depends on time, all that
+    happened before is gone through again (`replay.py`).
+    """
+    if depends_on_time(insertion):
+        from needlefem.insertion.replay import gone_through  # noqa: PLC0415 (needs dynamics)
+
+        return gone_through(insertion, np.asarray(states))
     return insertion.model.solve(loads(insertion, states))

@@ -41,17 +41,22 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
         _Step(insertion, number, moved[:, number : number + 2], along[:, number : number + 2])
         for number in range(len(insertion.states) - 1)
     ]
-    work = float(sum(step.work for step in steps))
+    works = [step.work for step in steps]
+    work, turnover = float(sum(works)), float(np.abs(works).sum())
     on_tissue = 0.5 * np.einsum("ij,ij->j", force[:, 1:] + force[:, :-1], np.diff(moved, axis=1))
     tip = [step.tip(trapezoidal=trapezoidal) for step in steps]
+    rubbed = [step.friction() for step in steps]
+    taken = [(f, c, s, f + c + s) for f, (c, s) in zip(rubbed, tip, strict=True)]
     return Ledger(
         work=work,
         strain=float(energy[-1] - energy[0]),
         hold=_hold(insertion, insertion.states[-1]) - _hold(insertion, insertion.states[0]),
-        friction=float(sum(step.friction() for step in steps)),
+        friction=float(sum(rubbed)),
         cutting=float(sum(pair[0] for pair in tip)),
         snap=float(sum(pair[1] for pair in tip)),
         capture=float(sum(step.capture() for step in steps)),
+        turnover=turnover,
+        least=min((min(parts) for parts in taken), default=0.0),
         identity=float(np.max(np.abs(np.diff(energy) - on_tissue)) / work) if work else 0.0,
     )
 

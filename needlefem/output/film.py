@@ -7,10 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points
-from needlefem.insertion.fields import displacements
+from needlefem.insertion.fields import depends_on_time, displacements
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import Way
-from needlefem.output.timely import depends_on_time, gone_through
 
 CHUNK = 64
 """States whose displacements are recovered at once."""
@@ -144,7 +143,7 @@ class Film:
     def _fields(self, numbers: Ints) -> Floats:
         """Return the displacements in some states, shape (ndofs, n), m."""
         if depends_on_time(self.insertion):
-            return gone_through(self.insertion, self.times, numbers)
+            return displacements(self.insertion, numbers.tolist())  # one way through all steps
         parts = [
             displacements(self.insertion, numbers[i : i + CHUNK].tolist())
             for i in range(0, len(numbers), CHUNK)

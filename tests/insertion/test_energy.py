@@ -1,5 +1,7 @@
 """No motion of a needle creates energy, and every term of its ledger is found by itself."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -113,3 +115,22 @@ def test_slow_insertions_with_inertia_spend_what_quasi_static_ones_do(gel: Scene
         assert ours == pytest.approx(theirs, rel=0.01), name
     assert abs(swung.capture - still.capture) <= 1e-3 * still.work
     assert np.isclose(swung.residual, 0.0, atol=1e-11)
+
+
+@pytest.mark.parametrize("trapezoidal", [False, True])
+def test_an_exactly_straight_path_is_cut_as_well(gel: Scene, trapezoidal: bool) -> None:
+    """On a line of symmetry one coordinate of the tip never changes."""
+    scene = vary(gel, {"target": (0.03, 0.02), "mesh.pattern": "crossed"})
+    simulation = Simulation(scene)
+    found = simulation.insert(simulation.entry_of_case())
+    tips = found.tips
+    assert np.abs(tips[:, 0] - 0.03).max() <= 1e-12
+    straight = [
+        dataclasses.replace(state, tip=np.array([0.03, state.tip[1]])) for state in found.states
+    ]
+    energies = ledger(dataclasses.replace(found, states=tuple(straight)), trapezoidal=trapezoidal)
+    deepest = found.states[-1].tip[1]
+    assert energies.cutting == pytest.approx(50.0 * deepest, rel=0.5)
+    assert energies.residual <= (1e-2 if trapezoidal else 1e-9)
+    assert energies.given <= 1e-12
+    assert energies.turnover == pytest.approx(energies.work)

@@ -1,0 +1,105 @@
+"""Displacements of tissue that depends on time: the needle's forces are gone through again.
+
+The displacement of viscoelastic tissue, or of tissue with inertia, is more than what a state's
+forces do at rest. It is found from all states up to the one asked for, by the steps that the
+insertion took; nothing is stored with the states.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from needlefem.arrays import Floats, Ints
+from needlefem.dynamics import TissueSystem
+from needlefem.dynamics.steppers import StaticStepper, at_rest
+from needlefem.errors import SimulationError
+from needlefem.fem.interpolation import Weights
+from needlefem.insertion.inertia import dynamic_medium
+from needlefem.insertion.fields import load
+from needlefem.insertion.recent import Recent
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import State
+from needlefem.scene.method import DYNAMIC
+
+Steps = Iterator[tuple[float, Floats]]
+"""Durations, s, and the needle's forces at their ends, shape (ndofs,)."""
+SAME = 1e-6
+"""How far the tip's displacement may be off what the state says of it, over the largest one."""
+
+
+def _inertial(insertion: Insertion) -> bool:
+    return insertion.scene.discretisation.integrator in DYNAMIC
+
+
+def gone_through(insertion: Insertion, numbers: Ints) -> Floats:
+    """Return the displacements in some states, shape (ndofs, n), m.
+
+    Parameters
+    ----------
+    insertion : Insertion
+        With all of its states.
+    numbers : array, shape (n,)
+        Of the states.
+
+    Raises
+    ------
+    SimulationError
+        States before are missing.
+    """
+    model, frame = insertion.model, insertion.axis.frame
+    states = insertion.states[: int(np.max(numbers)) + 1]
+    times = np.array([state.time for state in states])
+    forces = (load(model, frame, state, insertion.pieces) for state in states[1:])
+    steps = ((float(d), f) for d, f in zip(np.diff(times), forces, strict=True))
+    moved = _swung(insertion, steps) if _inertial(insertion) else _crept(insertion, steps)
+    found, now = np.zeros((model.ndofs, len(numbers))), np.zeros(len(model.free_dofs))
+    for number, state in enumerate(states):
+        if number:
+            now = next(moved)
+        asked = np.flatnonzero(numbers == number)
+        if asked.size:
+            found[model.free_dofs[:, None], asked] = now[:, None]
+            _compare(insertion, state, found[:, asked[0]])
+    return found
+
+
+def _compare(insertion: Insertion, state: State, moved: Floats) -> None:
+    """Raise a `SimulationError` if a displacement is not that of a state."""
+    nodal = insertion.model.nodal(moved)
+    tip = Weights(state.tip_nodes, state.tip_weights[None]).of(nodal)[0]
+    apart = abs(float(tip @ insertion.axis.direction) - state.tip_moved)
+    if apart > SAME * max(float(np.abs(nodal).max()), abs(state.tip_moved)):
+        raise SimulationError(
+            "the displacement of tissue that depends on time can't be found again: keep all "
+            "states of the insertion"
+        )
+
+
+def _swung(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
+    """Yield what tissue with inertia does, shape (free dofs,), m."""
+    medium = dynamic_medium(insertion.scene, insertion.model)
+    now = np.zeros(len(insertion.model.free_dofs))
+    for duration, force in steps:
+        if duration > 0.0:
+            medium.begin(duration)
+            medium.finish(force)
+            assert medium.motion is not None
+            now = medium.motion.u
+        yield now
+
+
+def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
+    """Yield what tissue with a memory does, shape (free dofs,), m."""
+    model, system = insertion.model, TissueSystem(insertion.model)
+    start = motion = at_rest(system)
+    steppers: Recent[str, StaticStepper] = Recent()
+    stepper: StaticStepper | None = None
+    for duration, force in steps:
+        if duration > 0.0:
+            start, step = motion, duration
+            stepper = steppers.get(f"{step:.9e}", partial(StaticStepper, system, step))
+        if stepper is not None:  # forces that follow at the same time act from the same start on
+            free = force[model.free_dofs]
+            motion = stepper.advance_under(start, free, free)
+        yield motion.u
