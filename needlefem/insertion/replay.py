@@ -15,8 +15,8 @@ from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.steppers import StaticStepper, at_rest
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
-from needlefem.insertion.inertia import dynamic_medium
 from needlefem.insertion.fields import load
+from needlefem.insertion.inertia import dynamic_medium
 from needlefem.insertion.recent import Recent
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
