@@ -79,7 +79,7 @@ def test_constructors_check(folder, run):
         "motion.max_depth": lambda: Motion(direction=(0.0, 1.0), max_depth=np.nan),
         "motion.stages": lambda: Stage(),
         "motion.stages.pitch": lambda: Stage(to=0.1, pitch=0.1),
-        "mesh.size": lambda: BoxMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2)),
+        "mesh.divisions": lambda: BoxMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2)),
         "mesh.cell": lambda: FileMesh(path="x.msh", unit=1.0, cell="hexagon"),
         "mesh.path": lambda: FileMesh(path=3, unit=1.0),
         "regions.NAME.contour": lambda: Region(contour=[[0, 0], [1, "a"]], material="fat"),
