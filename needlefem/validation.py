@@ -26,6 +26,7 @@ SMALLEST_NUMBER = 1e-30
 LARGEST_COUNT = 2**63 - 1
 """Largest magnitude of a whole number."""
 _KNOWN: dict[type, tuple[tuple[str, Any, Knob | None], ...]] = {}
+_FITTING: set[tuple[Any, type]] = set()
 WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 
 
@@ -67,6 +68,8 @@ def validate(instance: Any, prefix: str) -> None:
     """
     for name, hint, declared in _declarations(type(instance)):
         value = getattr(instance, name)
+        if type(value) is hint and declared is None and hint is not float and hint is not int:
+            continue  # a text, or a part that has checked itself
         found = converted(hint, value, declared, dotted(prefix, name))
         if found is not value:
             object.__setattr__(instance, name, found)
@@ -151,7 +154,10 @@ def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
     declared = dataclasses.is_dataclass(hint)
     if not declared and not getattr(hint, "_is_protocol", False):
         return raw
+    if (hint, type(raw)) in _FITTING:
+        return raw
     if isinstance(raw, hint) and not isinstance(raw, type):
+        _FITTING.add((hint, type(raw)))  # asking a protocol again and again costs
         return raw
     if declared and isinstance(raw, Mapping):
         return filled(hint, raw, key, strict=strict)
