@@ -41,6 +41,7 @@ TOO_LONG = {
     "bench": "timings of minutes; `make bench`",
     "figures": "draws for a minute; `make figures`, and tests/output",
     r"cases/(?!prostate-2003/)\S+\.toml": "run by test_cases, drawn by `make figures`",
+    "--stress": "an hour; a sample of both is run by tests/stress",
     "--method paper": "run by tests/planning/test_paper",
     r"out/\S+": "draws what another command of its page wrote",
 }
