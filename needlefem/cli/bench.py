@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from needlefem.bench import BENCHMARKS, benchmark
+from needlefem.bench import BENCHMARKS, against, benchmark
 from needlefem.cli.common import named, say, say_json
 from needlefem.errors import CaseError
 from needlefem.output.files import probe, write_json, write_text
@@ -22,7 +22,10 @@ def main(options: argparse.Namespace) -> int:
     folder = None if options.out is None else Path(named(options.out))
     if folder is not None:
         _free(folder, options.benchmark)
-    table = run(options.case)
+    if options.against is None:
+        table = run(options.case)
+    else:
+        table = against.run(options.benchmark, options.case, Path(named(options.against)))
     record = {"benchmark": options.benchmark, **table.record(), "machine": machine()}
     if folder is not None:
         (folder / f"{options.benchmark}.html").unlink(missing_ok=True)

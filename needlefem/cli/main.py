@@ -263,6 +263,10 @@ def _bench(parser: argparse.ArgumentParser) -> None:
         "case", nargs="?", default="", help="path of a case.toml, or of the reference problems"
     )
     parser.add_argument("--out", metavar="DIR", help="write JSON and charts there")
+    parser.add_argument(
+        "--against", metavar="CHECKOUT",
+        help="compare the costs with those in another checkout of needlefem, in turn",
+    )  # fmt: skip
 
 
 def _info(parser: argparse.ArgumentParser) -> None:

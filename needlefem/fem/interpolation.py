@@ -63,6 +63,7 @@ class Interpolation(Lasting):
         self.locator = locator or Locator(mesh)
         self.shape = shape_table(element.make)
         self._mesh, self._cell_nodes = mesh, cell_nodes
+        self._nnodes = int(cell_nodes.max()) + 1
 
     @cached_property
     def surface(self) -> Surface:
@@ -96,7 +97,7 @@ class Interpolation(Lasting):
         if total.min() <= 0.0:
             raise OutsideError
         values = self.shape(reference) * (weights / total[row])[:, None]
-        nodes, slot = self.slots(cells, row)
+        nodes, _, slot = self.slots(cells, row)
         return Weights(nodes, gathered(slot, values, (nrows, len(nodes))))
 
     def nodes_of(self, cells: Ints) -> Ints:
@@ -104,15 +105,30 @@ class Interpolation(Lasting):
         found: Ints = self._cell_nodes[cells]
         return found
 
-    def slots(self, cells: Ints, row: Ints) -> tuple[Ints, Ints]:
-        """Return the nodes of cells, and where points in them add to rows over these nodes.
+    def slots(self, cells: Ints, row: Ints) -> tuple[Ints, Ints, Ints]:
+        """Return where points in cells add to rows over the cells' nodes.
 
-        Row by row and node by node, shape (n nodes a cell,).
+        Parameters
+        ----------
+        cells : array, shape (n,)
+        row : array, shape (n,)
+            The row to which each point belongs.
+
+        Returns
+        -------
+        nodes : array, shape (k,)
+            Those of the cells, each once.
+        place : array, shape (nnodes,)
+            Of every node of the mesh among them; -1 for others.
+        slot : array, shape (n nodes a cell,)
+            Of every point and every node of its cell.
         """
         own = self.nodes_of(cells)
-        nodes, position = np.unique(own, return_inverse=True)
-        slot: Ints = (row[:, None] * len(nodes) + position.reshape(own.shape)).ravel()
-        return nodes, slot
+        place: Ints = np.full(self._nnodes, -1)
+        place[own] = 0  # marks are cheaper than sorting
+        nodes = (place == 0).nonzero()[0]
+        place[nodes] = np.arange(len(nodes))
+        return nodes, place, (row[:, None] * len(nodes) + place[own]).ravel()
 
     def at(self, points: Points) -> Weights:
         """Return the functionals 'value at each point'; see `means`."""
@@ -138,6 +154,7 @@ class Follower:
         self._interpolation, self._row, self._nrows = interpolation, row, nrows
         self._cells: Ints = np.full(len(row), -1)
         self._nodes: Ints
+        self._place: Ints
         self._slot: Ints
         self._inverse: Inverse
 
@@ -178,7 +195,7 @@ class Follower:
                 if known:
                     self._slot_again()
                 else:
-                    self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
+                    self._slots_anew()
             if not known:
                 return reference
             local[gone] = reference
@@ -186,13 +203,15 @@ class Follower:
 
     def _slot_again(self) -> None:
         """Find the slots over the same nodes, if the cells that are new have no others."""
-        own = self._interpolation.nodes_of(self._cells)
-        last = len(self._nodes) - 1
-        place = np.minimum(np.searchsorted(self._nodes, own), last)
-        if (self._nodes[place] == own).all():
-            self._slot = (self._row[:, None] * (last + 1) + place).ravel()
+        place = self._place[self._interpolation.nodes_of(self._cells)]
+        if place.min() >= 0:
+            self._slot = (self._row[:, None] * len(self._nodes) + place).ravel()
         else:
-            self._nodes, self._slot = self._interpolation.slots(self._cells, self._row)
+            self._slots_anew()
+
+    def _slots_anew(self) -> None:
+        found = self._interpolation.slots(self._cells, self._row)
+        self._nodes, self._place, self._slot = found
 
 
 def gathered(slot: Ints, values: Floats, shape: tuple[int, int]) -> Floats:

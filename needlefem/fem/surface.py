@@ -123,10 +123,12 @@ class TipWatch:
         start, end : array, shape (dim,), m
             Material points at the tip before and after the step.
         """
-        before, after = start - self._seen, end - self._seen
-        if max(float(before @ before), float(after @ after)) < self._clear**2:
+        if self._clear_of(start) and self._clear_of(end):
             return None
-        found = self._surface.first_exit(start, end)
-        if found is None:
-            self._seen, self._clear = end, self._surface.clearance(end)
-        return found
+        self._seen, self._clear = start, self._surface.clearance(start)
+        return None if self._clear_of(end) else self._surface.first_exit(start, end)
+
+    def _clear_of(self, point: Vector) -> bool:
+        """Say whether a point is nearer to where the tip was looked at than the surface is."""
+        apart = point - self._seen
+        return float(apart @ apart) < self._clear**2

@@ -9,7 +9,8 @@ step is shorter: it ends at the requested depth.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +22,13 @@ from needlefem.fem.surface import TipWatch
 from needlefem.insertion.guide import Guide
 from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Snap, Status
 from needlefem.insertion.state import State
-from needlefem.insertion.step import MOST_ITERATIONS, NoEquilibriumError, Step, StepSolver
+from needlefem.insertion.step import (
+    MOST_ITERATIONS,
+    TOLERANCE,
+    NoEquilibriumError,
+    Step,
+    StepSolver,
+)
 from needlefem.needle.contact import Contact
 from needlefem.needle.functionals import Trial
 from needlefem.needle.instrument import Instrument
@@ -33,6 +40,8 @@ AT_DEPTH = 1e-12
 """Distance from the requested depth at which it is reached, m."""
 ROUND_OFF = 1e-14
 """Distance from it to which the last step is solved, m."""
+ENOUGH = 1e-3
+"""Lateral error of a step tried for the requested depth, over what is left to it."""
 FROM_PUNCTURE = 2
 """States up to that in which the skin is cut."""
 LITTLE = 0.25
@@ -41,6 +50,9 @@ PEAK = 1e-6
 """Part of a step to which it is found; there depth may have a kink, at an interface."""
 HALVINGS = 6
 """Of a step that would leave the tissue, before the tip is at the surface."""
+
+
+T = TypeVar("T", float, Floats)
 
 
 class _StopError(Exception):
@@ -130,7 +142,7 @@ class March:
             if highest.depth > self.max_depth + AT_DEPTH:
                 if self.within:
                     return
-                yield self._accept(self._at_max_depth(highest))
+                yield self._accept(self._at_max_depth(highest), guide=highest)
             elif peak is not None or step.depth <= self.states[-1].depth:
                 yield from self._snap(peak)
             else:
@@ -183,22 +195,31 @@ class March:
         """Return the step to the requested depth, a part of one that goes beyond it.
 
         Its length is found by inverse interpolation through the last three lengths tried, within
-        brackets.
+        brackets. The direction to begin with is interpolated between those found; far from the
+        depth the lateral equation is solved no more precisely than that calls for.
         """
-        low, high, goal = 0.0, self._length(beyond), self.max_depth
-        known = [(self.states[-1].depth - goal, low), (beyond.depth - goal, high)]
-        step = beyond
+        last, goal = self.states[-1], self.max_depth
+        low, high = 0.0, self._length(beyond)
+        known = [(last.depth - goal, low), (beyond.depth - goal, high)]
+        slopes, step = [(high, beyond.slope)], beyond
         for _ in range(MOST_ITERATIONS):
-            length = _inverse(known[-3:])
+            length = _interpolated(known[-3:], 0.0)
             if not low < length < high:
                 length = 0.5 * (low + high)
-            self._solver.expect(step)
-            step = self._solve(length)
+            near = min(abs(known[-1][0]), high - low)
+            tolerance = max(TOLERANCE, ENOUGH * near)
+            begin = _interpolated(slopes[-3:], length)
+            step = self._solver.solve(last.tip, length, begin=begin, tolerance=tolerance)
             excess = step.depth - goal
-            if abs(excess) <= ROUND_OFF or high - low <= ROUND_OFF:
+            precise = float(abs(step.residual).max()) <= TOLERANCE
+            if precise and (abs(excess) <= ROUND_OFF or high - low <= ROUND_OFF):
                 break
             known.append((excess, length))
-            low, high = (low, length) if excess > 0.0 else (length, high)
+            slopes.append((length, step.slope))
+            if excess > tolerance:
+                high = length
+            elif excess < -tolerance:
+                low = length
         return step
 
     def _keep(self, state: State) -> State:
@@ -238,8 +259,12 @@ class March:
             moved=np.concatenate([[depth], np.zeros(len(lateral))])[None],
         )
 
-    def _accept(self, step: Step, jumping: bool = False) -> State:
-        """Make the step's piece part of the path and keep the state."""
+    def _accept(self, step: Step, *, jumping: bool = False, guide: Step | None = None) -> State:
+        """Make the step's piece part of the path and keep the state.
+
+        What the next march begins this step with is another step's where one is given: of the
+        whole piece that the last step is a part of.
+        """
         self._check_inside(step.tip, step.depth)
         if abs(step.depth - self.max_depth) <= AT_DEPTH:
             step = step._replace(depth=self.max_depth)
@@ -248,7 +273,7 @@ class March:
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._check_slip(step, moved)
         self._tip_trial = step.trial
-        self._solver.follow(step)
+        self._solver.follow(guide or step)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(
@@ -274,14 +299,18 @@ class March:
         Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
         tip before the step.
         """
-        before, dim = self.states[-1], len(moved[0])
-        count, trial = len(before.moved), step.trial
-        own = np.column_stack([before.axial, before.lateral]).ravel() @ trial.coupling[dim]
+        before, trial = self.states[-1], step.trial
+        count, dim = len(before.moved), self.contact.dim
         assert self._tip_trial is not None
         tip = self._tip_trial.response.at(trial.rows)[:, 0] * before.tip_force
-        was = np.append(before.moved[:, 0], own + float(trial.loads[dim] @ tip))
-        slip = step.depth - before.depth - (np.append(moved[:count, 0], moved[-1, 0]) - was)
-        if slip[1:].min() < -STICK_TOLERANCE:
+        ahead = float(trial.loads[dim] @ tip)
+        ahead += float(trial.coupling[dim, ::dim] @ before.axial)
+        for axis in range(1, dim):
+            ahead += float(trial.coupling[dim, axis::dim] @ before.lateral[:, axis - 1])
+        gone = step.depth - before.depth
+        slip = gone - (moved[:count, 0] - before.moved[:, 0])
+        own = gone - (float(moved[-1, 0]) - ahead)
+        if min(own, slip[1:].min(initial=own)) < -STICK_TOLERANCE:
             raise _StopError(
                 Status.RESTICK,
                 f"a point of the shaft stops slipping at depth {100.0 * step.depth:.4g} cm; "
@@ -338,15 +367,18 @@ def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> Sta
     )
 
 
-def _inverse(points: list[tuple[float, float]]) -> float:
-    """Return where a quantity vanishes, by interpolation of the place over the quantity."""
-    found = 0.0
-    for number, (value, place) in enumerate(points):
+def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
+    """Return the value of the polynomial through points, (place, value), at a place.
+
+    NaN where two points have the same place.
+    """
+    parts = []
+    for number, (place, value) in enumerate(points):
         others = [other for n, (other, _) in enumerate(points) if n != number]
-        if value in others:
-            return np.nan
-        found += place * math.prod(other / (other - value) for other in others)
-    return found
+        if place in others:
+            return value * np.nan
+        parts.append(value * math.prod((at - other) / (place - other) for other in others))
+    return sum(parts[1:], parts[0])
 
 
 def _root(solve: Callable[[float], Step], spacing: float) -> Step:

@@ -109,11 +109,14 @@ class StepSolver:
         self._slope = step.slope
         self._guide.learnt.append((self._slope, self._jacobian))
 
-    def expect(self, step: Step) -> None:
-        """Expect the next step to go in the direction of one that is not made."""
-        self._slope = step.slope
-
-    def solve(self, last: Vector, length: float, depth: float | None = None) -> Step:
+    def solve(
+        self,
+        last: Vector,
+        length: float,
+        depth: float | None = None,
+        begin: Floats | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> Step:
         """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
 
         Parameters
@@ -125,17 +128,23 @@ class StepSolver:
         depth : float, m, optional
             When given, the tip's force is what holds the tip at this depth; else it is the
             cutting force, and the depth follows.
+        begin : array, shape (dim - 1,), optional
+            Slope to begin with; when left out, what the steps before suggest.
+        tolerance : float, m
+            Lateral distance of the tip from the axis at which the step is solved.
 
         Raises
         ------
         NoEquilibriumError
         """
         start = _Start(last, self._instrument.axis)
-        slope, jacobian = self._guide.guess(self._slope, self._jacobian)
+        slope, jacobian = begin, self._jacobian
+        if slope is None:
+            slope, jacobian = self._guide.guess(self._slope, jacobian)
         sideways = slope * length
         step = self._try(start, length, sideways, depth)
         for _ in range(MOST_ITERATIONS):
-            if abs(step.residual).max() <= TOLERANCE:
+            if abs(step.residual).max() <= tolerance:
                 self._jacobian = jacobian
                 return step
             change = -solved(jacobian, step.residual)
