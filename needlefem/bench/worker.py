@@ -33,7 +33,7 @@ def serve(tasks: Mapping[str, Callable[[], object]], *_: Any, **__: Any) -> NoRe
 
 
 def _say(answer: object) -> None:
-    print(json.dumps(answer), file=STANDARD_OUTPUT, flush=True)  # noqa: T201
+    print(json.dumps(answer), file=STANDARD_OUTPUT, flush=True)
 
 
 def main(name: str, case: str) -> None:
