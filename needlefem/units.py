@@ -1,6 +1,7 @@
 """Quantities as strings with a unit: a closed table, SI inside."""
 
 import math
+import re
 
 from needlefem.errors import CaseError, short
 
@@ -37,6 +38,9 @@ PLANE = {
 }
 """What the needle's quantities are measured in: in 2D all forces are per metre of thickness."""
 
+LOOSE = re.compile(r"([+-]?[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?)\s*([^0-9\s].*)")
+"""A number, perhaps with a decimal comma, and a unit that no space may part from it."""
+
 
 def parse_quantity(text: object, dimension: str, key: str) -> float:
     """Return the SI value of a quantity such as ``"1.27 mm"``.
@@ -64,7 +68,11 @@ def parse_quantity(text: object, dimension: str, key: str) -> float:
     try:
         value = float(number)
     except ValueError:
-        raise CaseError(key, f"{short(text)} is not a number with a unit", example) from None
+        remedy = _meant(text, table) or example
+        raise CaseError(key, f"{short(text)} is not a number with a unit", remedy) from None
+    if not number.isascii() or "_" in number:
+        problem = f"{short(text)} is not a number with a unit"
+        raise CaseError(key, problem, "write the number with the digits 0 to 9 and a point")
     if not math.isfinite(value):
         raise CaseError(key, f"{short(text)} is out of range", "it must be finite")
     if unit in table:
@@ -76,6 +84,14 @@ def parse_quantity(text: object, dimension: str, key: str) -> float:
     if unit:
         raise CaseError(key, f"unknown unit {short(unit)} in {short(text)}", needed)
     raise CaseError(key, f"{short(text)} has no unit", needed)
+
+
+def _meant(text: str, table: dict[str, float]) -> str | None:
+    """Return a remedy where a space is missing or a comma stands for the point."""
+    found = LOOSE.fullmatch(text.strip())
+    if found is None or found[2] not in table:
+        return None
+    return f"write '{found[1].replace(',', '.')} {found[2]}'"
 
 
 def dimension_of(declared: str) -> str:

@@ -279,7 +279,8 @@ def _several(
     items: Sequence[Any], raw: Any, declared: Knob | None, key: str, *, strict: bool
 ) -> tuple[Any, ...]:
     if not isinstance(raw, list | tuple):
-        raise CaseError(key, f"{short(raw)} is not a list", "write [a, b]")
+        remedy = f'write ["{raw}"]' if items[0] is str and isinstance(raw, str) else "write [a, b]"
+        raise CaseError(key, f"{short(raw)} is not a list", remedy)
     if items[-1] is not Ellipsis and len(raw) != len(items):
         raise CaseError(key, f"{len(raw)} values", f"give {len(items)}")
     nested = dataclasses.is_dataclass(items[0])

@@ -26,6 +26,11 @@ def test_quantities(text: str, dimension: str, value: float) -> None:
         ("1", "has no unit"),
         (1.0, "has no unit"),
         ("one mm", "not a number"),
+        ("1,5 mm", "write '1.5 mm'"),
+        ("5mm", "write '5 mm'"),
+        ("5\u00a0mm", "write '5 mm'"),
+        ("1_0 mm", "digits 0 to 9"),
+        ("\uff15 mm", "digits 0 to 9"),
     ],
 )
 def test_mistakes_name_key_value_and_remedy(text: object, says: str) -> None:

@@ -11,7 +11,7 @@ from needlefem.casefile.contourfile import read_contour
 from needlefem.casefile.tables import Table, required
 from needlefem.contour import Contour
 from needlefem.errors import CaseError, nearest, short
-from needlefem.fem.mesh import group_cells, outline
+from needlefem.fem.mesh import group_cells, outline, parts
 from needlefem.fem.meshfile import read_mesh
 from needlefem.materials import Material, law_class, split
 from needlefem.materials.tissues import tissue_table
@@ -112,12 +112,23 @@ class Reader:
             if region not in regions:
                 remedy = nearest(region, regions)
                 raise CaseError(f"{prefix}.region", f"no region {short(region)}", remedy)
+            self._refuse_parts(regions[region], region, f"{prefix}.region")
             contour, rest = regions[region].contour, table
         else:
             contour = self._contour(table, prefix)
             rest = {key: value for key, value in table.items() if key not in CONTOUR_KEYS}
         found: Obstacle = self.fill(Obstacle, rest, prefix, contour=contour)
         return found
+
+    def _refuse_parts(self, region: Region, name: str, key: str) -> None:
+        """Refuse a group of several parts: an obstacle has one outline."""
+        if region.group is None or self._mesh is None:
+            return
+        count = parts(self._mesh, group_cells(self._mesh, region.group, key))
+        if count > 1:
+            problem = f"the group of region {short(name)} has {count} parts that are not joined"
+            remedy = "make each part a group, a region and an obstacle of its own"
+            raise CaseError(key, problem, remedy)
 
 
 def text_of(table: Table, name: str, prefix: str) -> str:

@@ -119,6 +119,7 @@ def _fitting_size(scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
 def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:
     mesh = read_mesh(wanted.path, wanted.unit)
     check_cells(scene, mesh.nelements, "mesh.file", "a coarser mesh")
+    _check_contours_in(mesh, _contours(scene))
     groups = {}
     for name, region in scene.regions.items():
         if region.group is not None:
@@ -135,6 +136,24 @@ def _check_contours(contours: Mapping[str, Contour], low: Floats, size: Floats) 
             worst = 100.0 * contour.points[np.flatnonzero(outside)[0]]
             point = f"({worst[0]:.4g}, {worst[1]:.4g}) cm"
             raise CaseError(key, f"the contour leaves the mesh at {point}", "move or enlarge one")
+
+
+def _check_contours_in(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> None:
+    """Refuse contours with a corner farther outside a mesh than its cells are large."""
+    if not contours:
+        return
+    around = meshes.outline(mesh, np.arange(mesh.nelements))
+    largest = float(np.max(meshes.cell_sizes(mesh)))
+    for name, contour in contours.items():
+        key = f"regions.{name}.contour"
+        contour.check(key)
+        outside = contour.points[~around.contains(contour.points)]
+        away = around.distance(outside)
+        if np.max(away, initial=0.0) > largest:
+            worst = outside[np.argmax(away)]
+            point = f"({100.0 * worst[0]:.4g}, {100.0 * worst[1]:.4g}) cm"
+            remedy = "move or enlarge one, and check the units of both"
+            raise CaseError(key, f"the contour leaves the mesh at {point}", remedy)
 
 
 def _size_fields(

@@ -15,6 +15,9 @@ ON_LINE = 1e-9
 """Share of an edge up to which its end is on the contour already."""
 RELAXATIONS = 5
 """Smoothing sweeps after the fit; more change the smallest angle by less than a degree."""
+FLAT = 0.5
+"""Shape below which a cell with all corners on a contour is flat: one that fills a corner of the
+contour of less than about 130 degrees is not."""
 
 
 def fit_to_contour(mesh: SkfemMesh, contour: Contour) -> SkfemMesh:
@@ -26,9 +29,10 @@ def fit_to_contours(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMe
     """Return the mesh with vertices near contours moved onto them, one contour after the other.
 
     Every edge that the contour crosses gives its nearer end to the contour, nearest first. A
-    vertex that would flatten a cell (all three corners on the contour), or that lies on the
-    outer boundary or on a contour before, stays, and the edge's other end moves. Then the free
-    vertices around are smoothed wherever that widens the worst of their cells.
+    vertex that would flatten a cell (all three corners on the contour, unless the cell fills one
+    of the contour's corners), or that lies on the outer boundary or on a contour before, stays,
+    and the edge's other end moves. Then the free vertices around are smoothed wherever that
+    widens the worst of their cells.
 
     Raises
     ------
@@ -101,18 +105,34 @@ def _snap(mesh: SkfemMesh, contour: Contour, kept: Ints, names: list[str]) -> tu
         if on_line[near] or on_line[far]:
             continue
         for vertex in (near, far):
-            flat = np.any(np.sum(on_line[mesh.t[:, cells_at[vertex]]], axis=0) == 2)
-            if kept[vertex] < 0 and not flat:
+            cells = mesh.t[:, cells_at[vertex]]
+            closing = cells[:, np.sum(on_line[cells], axis=0) == 2]
+            if kept[vertex] < 0 and not _flattened(points, closing, vertex, place[edge]):
                 points[vertex] = place[edge]
                 on_line[vertex] = True
                 break
         else:
             size = 1e3 * float(np.linalg.norm(mesh.p[:, near] - mesh.p[:, far]))
             stuck = [int(kept[v]) for v in (near, far) if kept[v] >= 0]
-            other = names[1 + stuck[0]] if stuck else "itself"
-            problem = f"{names[0]} comes nearer to {other} than edges of {size:.3g} mm resolve"
+            problem = f"edges of {size:.3g} mm can't follow {names[0]}"
+            if stuck:
+                near_to = names[1 + stuck[0]]
+                problem = (
+                    f"{names[0]} comes nearer to {near_to} than edges of {size:.3g} mm resolve"
+                )
             _refuse(problem, place[edge])
     return points, on_line
+
+
+def _flattened(points: Points, cells: Ints, vertex: int, place: Floats) -> bool:
+    """Say whether a vertex moved to a place would make one of some of its cells flat."""
+    if not cells.size:
+        return False
+    before = points[vertex].copy()
+    points[vertex] = place
+    flat = bool(np.any(_shape(points, cells) < FLAT))
+    points[vertex] = before
+    return flat
 
 
 def _cells_at_vertices(mesh: SkfemMesh) -> list[Ints]:

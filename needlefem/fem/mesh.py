@@ -3,6 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from skfem import MeshQuad, MeshQuad2, MeshTri, MeshTri2
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh
@@ -178,6 +180,17 @@ def group_cells(mesh: SkfemMesh, group: str, key: str) -> Ints:
     return cells
 
 
+def parts(mesh: SkfemMesh, cells: Ints) -> int:
+    """Return of how many parts that no edge joins a group of cells consists."""
+    number = np.full(mesh.nelements, -1)
+    number[cells] = np.arange(len(cells))
+    one, other = number[mesh.f2t[:, mesh.f2t[1] >= 0]]
+    both = (one >= 0) & (other >= 0)
+    joined = (np.ones(np.count_nonzero(both), dtype=np.int8), (one[both], other[both]))
+    graph = coo_array(joined, shape=(len(cells), len(cells)))
+    return int(connected_components(graph, directed=False, return_labels=False))
+
+
 def outline(mesh: SkfemMesh, cells: Ints) -> Contour:
     """Return the closed line of edges around a group of cells that encloses the largest area."""
     edges = np.bincount(mesh.t2f[:, cells].ravel(), minlength=mesh.nfacets) == 1
@@ -224,10 +237,12 @@ def name_regions(
     }
     for name in chosen:
         if not cells[name].size:
-            if name in contours:
+            if name in contours and not chosen[name].size:
                 size = 0.25e3 * np.sqrt(contours[name].area)
                 remedy = f"refine the mesh, to {size:.2g} mm there, or check the contour's offset"
                 raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)
-            problem = "all cells of the group are in regions that come later"
-            raise CaseError(f"regions.{name}", problem, "give each region cells of its own")
+            what = "in the contour" if name in contours else "of the group"
+            problem = f"all cells {what} are in regions that come later"
+            remedy = "put a region before those that lie in it, and give each cells of its own"
+            raise CaseError(f"regions.{name}", problem, remedy)
     return mesh.with_subdomains(cells)

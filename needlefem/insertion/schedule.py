@@ -106,11 +106,17 @@ def _table(motion: Motion) -> tuple[Leg, ...]:
     if len(times) != len(depths) or len(times) < 2:
         problem = f"{len(times)} times and {len(depths)} depths"
         raise CaseError("motion.times", problem, "give as many of both, two at least")
-    if times[0] != 0.0 or depths[0] != 0.0 or max(depths) > motion.max_depth:
-        remedy = "start with 0 at time 0, and stay above motion.max_depth"
-        raise CaseError("motion.depths", "the table leaves the allowed motion", remedy)
+    for key, values, unit in (("times", times, "s"), ("depths", depths, "m")):
+        if values[0] != 0.0:
+            problem = f"the table begins at {values[0]:g} {unit}, not at 0"
+            raise CaseError(f"motion.{key}", problem, f"let it begin with '0 {unit}'")
+    if max(depths) > motion.max_depth:
+        problem = f"{max(depths):g} m is beyond motion.max_depth, {motion.max_depth:g} m"
+        raise CaseError("motion.depths", problem, "choose smaller depths or raise max_depth")
     if any(b <= a for a, b in pairwise(times)):
-        raise CaseError("motion.times", "not increasing", "sort the table")
+        late = next(i for i in range(1, len(times)) if times[i] <= times[i - 1])
+        problem = f"{times[late]:g} s comes after {times[late - 1]:g} s"
+        raise CaseError("motion.times", problem, "let every time be later than the one before it")
     return tuple(
         Leg(depths[i], depths[i + 1], times[i + 1] - times[i]) for i in range(len(times) - 1)
     )

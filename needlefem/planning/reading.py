@@ -134,6 +134,8 @@ class Reader:
         """Say why an insertion that ended as it should does not reach a point."""
         if self._passed():
             jumps = ", ".join(f"{100 * depth:.3g} cm" for depth in _jumps(self.insertion))
+            if not jumps:
+                return Reading(None, Why.JUMPED, "the target lies on the skin")
             return Reading(None, Why.JUMPED, f"the tip jumps over that material (at {jumps})")
         if self.insertion.outcome.status is Status.LEFT_TISSUE:
             return Reading(None, Why.LEFT_TISSUE, self.insertion.outcome.sentence)

@@ -5,6 +5,7 @@ from needlefem.contour import Contour
 from needlefem.errors import CaseError
 from needlefem.fem import mesh as meshes
 from needlefem.fem.build import build_mesh
+from needlefem.fem.cellmap import cell_measures
 from needlefem.fem.fit import fit_to_contour, fit_to_contours
 from needlefem.materials import Isotropic
 from needlefem.scene import (
@@ -154,3 +155,16 @@ def test_outlines_of_many_parts() -> None:
     x, y = mesh.p[:, mesh.t].mean(axis=1)
     cells = np.flatnonzero((x > 0.5) & (y > 0.5) | (x < 0.1) & (y < 0.4) & (x * 20 % 2 < 1))
     assert meshes.outline(mesh, cells).area == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("low", [15e-3, 22.5e-3])
+@pytest.mark.parametrize("turned", [False, True])
+def test_contours_along_grid_lines_are_fitted_as_they_are(low: float, turned: bool) -> None:
+    """A cell that fills a right angle of the contour has three corners on it and is not flat."""
+    high = low + 20e-3
+    corners = np.array([(low, low), (high, low), (high, high), (low, high)])
+    contour = Contour(corners[::-1] if turned else corners)
+    mesh = meshes.box((0.0, 0.0), (0.05, 0.05), (20, 20), "diagonal")
+    fitted = fit_to_contour(mesh, contour)
+    inside = contour.contains(fitted.p[:, fitted.t].mean(axis=1).T)
+    assert np.sum(cell_measures(fitted)[inside]) == pytest.approx(contour.area, rel=1e-12)
