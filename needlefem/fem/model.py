@@ -166,8 +166,7 @@ class Model(Space):
             remedy = "name groups of edges in the mesh file (docs/how-to/own-mesh.md)"
             raise CaseError(key, f"no face {short(name)}: the mesh names no edges", remedy)
         if name not in present:
-            remedy = "those present are " + ", ".join(sorted(present))
-            raise CaseError(key, f"no face {short(name)}", remedy)
+            raise CaseError(key, f"no face {short(name)}", nearest(name, present))
         facets: Ints = present[name]
         return facets
 

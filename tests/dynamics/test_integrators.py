@@ -96,7 +96,7 @@ def test_a_tissue_without_mass_has_no_dynamics() -> None:
 
 def test_an_unknown_face_is_answered() -> None:
     system = TissueSystem(rectangle(CATALOGUE["P1"], GEL, 2))
-    with pytest.raises(CaseError, match=r"no face 'y_mux'; did you mean 'y_max'"):
+    with pytest.raises(CaseError, match=r"no face 'y_mux'; did you mean 'y_max'\?"):
         system.traction("y_mux", np.zeros_like)
 
 

@@ -26,7 +26,8 @@ def test_limits_of_a_step() -> None:
     ("changes", "message"),
     [
         ({"shares": (0.4, 0.2)}, "2 shares and 1 times; give one of each"),
-        ({"shares": (1.0,)}, "shares add up to 1; leave some stiffness"),
+        ({"shares": (1.0,)}, "material.shares: 1 is out of range; it must be above 0 and below 1"),
+        ({"shares": (0.6, 0.4), "times": (2.0, 9.0)}, "shares add up to 1; leave some stiffness"),
     ],
 )
 def test_wrong_series_are_answered(changes: dict[str, object], message: str) -> None:

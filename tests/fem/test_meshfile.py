@@ -137,7 +137,7 @@ def test_missing_names_are_answered(tmp_path: Path, changes: dict[str, str], say
 
 def test_missing_faces_are_answered(tmp_path: Path) -> None:
     write(tmp_path / "square.msh")
-    with pytest.raises(CaseError, match="no face 'floor'; those present are walls"):
+    with pytest.raises(CaseError, match="no face 'floor'; known here: walls"):
         Simulation(load_case(case(tmp_path, face="floor")))
 
 

@@ -81,7 +81,7 @@ def test_free_rigid_motions_are_counted(gel: Scene, support: Support, free: int)
 
 
 def test_unknown_faces_and_axes_are_named(gel: Scene) -> None:
-    with pytest.raises(CaseError, match="no face 'top'; those present are y_max, y_min, z"):
+    with pytest.raises(CaseError, match="no face 'top'; known here: y_max, y_min, z"):
         build_model(vary(gel, {"supports": {"walls": Support(faces=("top",))}}))
     with pytest.raises(CaseError, match="supports.walls.fixed: no axis 'x'; known here: y, z"):
         vary(gel, {"supports": {"walls": Support(faces=("z_max",), fixed=("x",))}})
