@@ -7,9 +7,7 @@ from pathlib import Path
 
 from needlefem.arrays import SkfemMesh
 from needlefem.errors import CaseError
-from needlefem.fem.foreignmesh import read_foreign
 from needlefem.fem.meshcontents import PlaneMesh, UnreadableMeshError, plane_mesh
-from needlefem.fem.mshfile import is_msh, read_msh
 from needlefem.fem.soundness import refuse_unsound
 from needlefem.inputfile import require_file
 
@@ -70,6 +68,9 @@ def read_plane_mesh(path: Path, unit: float, key: str = KEY) -> PlaneMesh:
 @lru_cache(maxsize=1)
 def _read(path: Path, _changed: int, _size: int) -> PlaneMesh:
     """Return the mesh in units of the file; the last arguments tell one version from another."""
+    # readers of formats are imported where a mesh is read, which scenes of a box never are
+    from needlefem.fem.mshfile import is_msh, read_msh  # noqa: PLC0415
+
     with path.open("rb") as file:
         start = file.read(4096)
         if is_msh(start):
@@ -77,4 +78,6 @@ def _read(path: Path, _changed: int, _size: int) -> PlaneMesh:
     if path.suffix.lower() == ".msh" and not start.lstrip().startswith(b"("):  # as Fluent's do
         problem = "it is empty" if not start.strip() else "it does not begin as Gmsh's files do"
         raise UnreadableMeshError(problem, "save it as Gmsh's version 4.1 or 2.2")
+    from needlefem.fem.foreignmesh import read_foreign  # noqa: PLC0415
+
     return plane_mesh(read_foreign(path), 1.0)
