@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from needlefem.casefile.load import load_case
+from needlefem.casefile.starters import boxes
 from needlefem.cli.main import main
+from needlefem.contour import Contour
 from needlefem.errors import CaseError
 from needlefem.fem.build import build_mesh
 from needlefem.fem.cellmap import cell_measures
@@ -68,6 +70,39 @@ def test_contours(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     areas = {name: mesh_area(mesh, cells) for name, cells in mesh.subdomains.items()}
     assert areas["node"] == pytest.approx(5e-3 * 7e-3, rel=0.1)
     assert areas["gland"] == pytest.approx(0.03 * 0.02 - 5e-3 * 7e-3, rel=0.02)
+
+
+def test_a_corner_far_away_is_refused_before_a_mesh_is_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("needlefem.casefile.starters.boxes.build_mesh", pytest.fail)
+    corners = ["1, 1", "3, 1", "700, 2", "3, 3", "1, 3"]
+    (tmp_path / "organ.csv").write_text("\n".join(["y [cm], z [cm]", *corners]) + "\n")
+    (tmp_path / "node.csv").write_text("y [cm], z [cm]\n1.5, 1.5\n2, 1.5\n2, 2\n")
+    files = [str(tmp_path / name) for name in ("node.csv", "organ.csv")]
+    line = ["--target", "2, 1.5 cm", "--direction", "0, 1"]
+    assert main(["new", str(tmp_path / "new"), "--contour", *files, *line]) == 2
+    said = capsys.readouterr().err
+    assert re.search(r"--contour: a mesh for the box of 7.02 x 0.05 m .* [0-9]+0,000 cells", said)
+    assert "corner, 3 of 'organ' at (7, 0.02) m" in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_estimate_of_cells_is_near_those_of_the_mesh() -> None:
+    turn = 2.0 * np.pi * np.arange(60) / 60
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    for radius, target in ((0.01, 0.02), (0.05, 0.1), (0.2, 0.3)):
+        contours = {"organ": Contour(np.array([target, target]) + radius * circle)}
+        box = boxes.box_around(contours, 0.015)
+        point, direction = np.array([target, target]), np.array([0.0, 1.0])
+        line = boxes.Line(point, direction, box.depth_of(point, direction))
+        box = boxes.with_room(box, line)
+        sizes = boxes.contour_sizes(contours, 0.5e-3)
+        draft = boxes.BoxDraft(box, sizes, "centroid", "", line)
+        made = build_mesh(boxes._trial(draft, contours)).nelements
+        estimate = boxes._cells(box, contours, sizes, line)
+        assert 0.6 * made < estimate < 1.6 * made
 
 
 def mesh_area(mesh: object, cells: np.ndarray) -> float:

@@ -34,6 +34,10 @@ SIDEWAYS, LEAST_SIDEWAYS = 0.1, 3e-3
 """Heights of the needle that are searched, over the target's depth, and at the least, m."""
 WHOLE = 1e-3
 """Boxes are whole millimetres."""
+CELLS_PER_EDGE, CELLS_PER_CORRIDOR = 20.0, 2.5
+"""Cells for an edge along a contour, and for an area of the corridor's size squared: measured."""
+MOST_CELLS = 50_000
+"""In a mesh that is drafted, by the estimate."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -155,7 +159,13 @@ def _commented(line: str, remark: str) -> str:
 
 
 def box_draft(
-    box: Box, contours: Mapping[str, Contour], finest: float, line: Line | None
+    box: Box,
+    contours: Mapping[str, Contour],
+    finest: float,
+    line: Line | None,
+    *,
+    key: str,
+    remedy: str,
 ) -> BoxDraft:
     """Return a box with cells that end at the contours where such can be made.
 
@@ -167,8 +177,23 @@ def box_draft(
         Smallest size worth having along a contour: a voxel.
     line : Line or None
         Of the needle, where it is known.
+    key, remedy : str
+        What gave the contours, and what makes a smaller box or fewer contours.
+
+    Raises
+    ------
+    CaseError
+        The mesh would have more than `MOST_CELLS` cells.
     """
     sizes = contour_sizes(contours, finest)
+    cells = _cells(box, contours, sizes, line)
+    if cells > MOST_CELLS:
+        size = " x ".join(f"{length:.3g}" for length in box.high - box.low)
+        problem = (
+            f"a mesh for the box of {size} m would have about {float(f'{cells:.2g}'):,.0f} cells, "
+            f"more than {MOST_CELLS:,}"
+        )
+        raise CaseError(key, problem, remedy)
     gap, names = _nearest(box, contours, sizes)
     if gap is not None:
         why = f"{names} come as near as {1e3 * gap:.2g} mm: cells by their centroid"
@@ -194,6 +219,17 @@ def divisions(box: Box) -> tuple[int, ...]:
 def contour_sizes(contours: Mapping[str, Contour], finest: float) -> dict[str, float]:
     """Return the element size along every contour, m."""
     return {name: _contour_size(contour, finest) for name, contour in contours.items()}
+
+
+def _cells(
+    box: Box, contours: Mapping[str, Contour], sizes: Mapping[str, float], line: Line | None
+) -> float:
+    """Return about how many cells a box's mesh has, before anything of it is made."""
+    cells = 2.0 * float(np.prod(divisions(box)))
+    cells += CELLS_PER_EDGE * sum(c.length / sizes[name] for name, c in contours.items())
+    if line is not None:
+        cells += CELLS_PER_CORRIDOR * line.max_depth * _width(line) / CORRIDOR_SIZE**2
+    return cells
 
 
 def _contour_size(contour: Contour, finest: float) -> float:

@@ -61,7 +61,8 @@ def of_contours(paths: Sequence[Path], folder: Path, wanted: Wanted) -> Draft:
     if target is not None and direction is not None:
         line = Line(target, direction, box.depth_of(target, direction))
         box = with_room(box, line)
-    mesh = box_draft(box, contours, FINEST, line)
+    remedy = f"check units, --margin, --target and {_farthest(contours)}"
+    mesh = box_draft(box, contours, FINEST, line, key="--contour", remedy=remedy)
     files = _files(sources, folder)
     return Draft(
         title=paths[0].stem,
@@ -139,6 +140,19 @@ def _behind(box: Box, contours: Mapping[str, Contour], entry: Vector, direction:
             problem = f"contour '{brief(name)}' reaches {1e3 * out:.2g} mm out of the skin"
             raise CaseError("--entry", problem, "move it out, or leave the contour away")
     return Box(low, high)
+
+
+def _farthest(contours: Mapping[str, Contour]) -> str:
+    """Return the name and the place of the corner that lies farthest from the others."""
+    points = np.vstack([contour.points for contour in contours.values()])
+    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    name, number = [
+        (name, number)
+        for name, contour in contours.items()
+        for number in range(len(contour.points))
+    ][int(np.argmax(away))]
+    place = ", ".join(f"{x:.4g}" for x in contours[name].points[number])
+    return f"the farthest corner, {number + 1} of '{brief(name)}' at ({place}) m"
 
 
 def _remarks(

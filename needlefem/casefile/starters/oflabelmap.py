@@ -49,7 +49,9 @@ def of_labelmap(path: Path, wanted: Wanted) -> Draft:
     line = Line(-corner, INTO, depth)
     box = box_around(contours, wanted.around, line.target)
     box = with_room(Box(np.zeros(2), box.high), line)
-    mesh = box_draft(box, contours, min(labelmap.voxels.spacing), line)
+    remedy = "check the spacing of the voxels, --target and --margin, or take fewer --segments"
+    finest = min(labelmap.voxels.spacing)
+    mesh = box_draft(box, contours, finest, line, key="--labelmap", remedy=remedy)
     files = file_names(contours)
     skin = "at the entry" if wanted.entry else "where the needle enters the image (or give --entry)"
     return Draft(
