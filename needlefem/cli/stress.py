@@ -18,26 +18,28 @@ def main(options: argparse.Namespace) -> int:
 def _scenes(options: argparse.Namespace) -> int:
     numbers = _numbers(options, scenes.COUNT)
     runs = scenes.run_scenes(options.seed, numbers, options.processes, _tell)
-    _report(options, scenes.record(options.seed, runs), scenes.summary(runs),
+    asked = len(numbers)
+    _report(options, scenes.record(options.seed, runs, asked), scenes.summary(runs, asked),
             scenes.listing(options.seed, runs))  # fmt: skip
     if options.out and options.only is not None:
         path = scenes.write_scene(options.seed, options.only, Path(options.out))
         if not options.json:
             say(f"written: {path}")
-    return 0 if scenes.passed(runs) else 1
+    return 0 if scenes.passed(runs, asked) else 1
 
 
 def _inputs(options: argparse.Namespace) -> int:
     from needlefem.cli.main import main as command_line  # noqa: PLC0415  (it imports this module)
 
+    numbers = _numbers(options, inputs.COUNT)
     if options.out and options.only is not None:
         runs = [inputs.keep_input(command_line, options.seed, options.only, Path(options.out))]
     else:
-        numbers = _numbers(options, inputs.COUNT)
         runs = inputs.run_inputs(command_line, options.seed, numbers, options.processes, _tell)
-    _report(options, inputs.record(options.seed, runs), inputs.summary(runs),
+    asked = len(numbers)
+    _report(options, inputs.record(options.seed, runs, asked), inputs.summary(runs, asked),
             inputs.listing(options.seed, runs))  # fmt: skip
-    return 0 if inputs.passed(runs) else 1
+    return 0 if inputs.passed(runs, asked) else 1
 
 
 def _report(

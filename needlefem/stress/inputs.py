@@ -28,7 +28,10 @@ def run_inputs(
     processes: int,
     tell: Callable[[str], None],
 ) -> list[InputRun]:
-    """Let commands read the inputs of some numbers; `tell` is called with lines of progress."""
+    """Let commands read the inputs of some numbers; `tell` is called with lines of progress.
+
+    Fewer are returned where Ctrl-C or a signal stops the run.
+    """
     if not has_label_maps():
         tell("without label maps: they need SimpleITK (pip install 'needlefem[image]')")
     runs: list[InputRun] = []
@@ -36,14 +39,16 @@ def run_inputs(
     with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as results:
         make_results(Path(results), command_line)
         work = partial(run_input, command_line, results, seed)
-        found = work_through(work, numbers, processes=processes, limits=LIMITS)
-        for number, answer in found:
-            lost = isinstance(answer, Lost)
-            runs.append(_lost(seed, number, answer, Path(results)) if lost else answer)
-            if time.monotonic() - told > TELL:
-                told = time.monotonic()
-                faulty = sum(bool(run.faults) for run in runs)
-                tell(f"{len(runs)} of {len(numbers)} inputs, {faulty} with a fault")
+        try:
+            for number, answer in work_through(work, numbers, processes=processes, limits=LIMITS):
+                lost = isinstance(answer, Lost)
+                runs.append(_lost(seed, number, answer, Path(results)) if lost else answer)
+                if time.monotonic() - told > TELL:
+                    told = time.monotonic()
+                    faulty = sum(bool(run.faults) for run in runs)
+                    tell(f"{len(runs)} of {len(numbers)} inputs, {faulty} with a fault")
+        except KeyboardInterrupt as stop:  # what ran until then is worth reporting
+            tell(str(stop) or "interrupted")
     return sorted(runs, key=lambda run: run.number)
 
 
@@ -69,12 +74,12 @@ def keep_input(command_line: CommandLine, seed: int, number: int, folder: Path) 
         return check_input(command_line, Path(results), seed, number, folder.resolve())
 
 
-def passed(runs: Sequence[InputRun]) -> bool:
-    """Say whether all requirements are met."""
-    return not any(run.faults for run in runs)
+def passed(runs: Sequence[InputRun], asked: int) -> bool:
+    """Say whether all inputs that were asked for were run and meet all requirements."""
+    return len(runs) == asked and not any(run.faults for run in runs)
 
 
-def summary(runs: Sequence[InputRun]) -> Table:
+def summary(runs: Sequence[InputRun], asked: int) -> Table:
     """Return the table of statuses, inputs, commands and faults."""
     aspects: dict[str, Callable[[InputRun], str]] = {
         "exit status": lambda run: run.status,
@@ -94,8 +99,11 @@ def summary(runs: Sequence[InputRun]) -> Table:
         title="damaged inputs",
         columns=("aspect", "kind", "inputs", "faults"),
         rows=rows,
-        passed=passed(runs),
-        note=f"{len(runs)} inputs, {faulty} with a fault, {seconds:.0f} s of processor time",
+        passed=passed(runs, asked),
+        note=(
+            f"{len(runs)} of {asked} inputs run, {faulty} with a fault, "
+            f"{seconds:.0f} s of processor time"
+        ),
     )
 
 
@@ -119,10 +127,12 @@ def listing(seed: int, runs: Sequence[InputRun]) -> list[str]:
     return lines
 
 
-def record(seed: int, runs: Sequence[InputRun]) -> dict[str, Any]:
+def record(seed: int, runs: Sequence[InputRun], asked: int) -> dict[str, Any]:
     """Return all runs for JSON."""
     return {
         "seed": seed,
-        "passed": passed(runs),
+        "asked": asked,
+        "run": len(runs),
+        "passed": passed(runs, asked),
         "inputs": [vars(run) | {"faults": [vars(fault) for fault in run.faults]} for run in runs],
     }

@@ -26,17 +26,22 @@ TELL = 30.0
 def run_scenes(
     seed: int, numbers: Sequence[int], processes: int, tell: Callable[[str], None]
 ) -> list[SceneRun]:
-    """Carry out the scenes of some numbers; `tell` is called with lines of progress."""
+    """Carry out the scenes of some numbers; `tell` is called with lines of progress.
+
+    Fewer are returned where Ctrl-C or a signal stops the run.
+    """
     work = partial(run_scene, seed)
     runs: list[SceneRun] = []
     told = time.monotonic()
-    found = work_through(work, numbers, processes=processes, limits=LIMITS)
-    for number, answer in found:
-        runs.append(_lost(seed, number, answer) if isinstance(answer, Lost) else answer)
-        if time.monotonic() - told > TELL:
-            told = time.monotonic()
-            faulty = sum(bool(run.faults) for run in runs)
-            tell(f"{len(runs)} of {len(numbers)} scenes, {faulty} with a fault")
+    try:
+        for number, answer in work_through(work, numbers, processes=processes, limits=LIMITS):
+            runs.append(_lost(seed, number, answer) if isinstance(answer, Lost) else answer)
+            if time.monotonic() - told > TELL:
+                told = time.monotonic()
+                faulty = sum(bool(run.faults) for run in runs)
+                tell(f"{len(runs)} of {len(numbers)} scenes, {faulty} with a fault")
+    except KeyboardInterrupt as stop:  # what ran until then is worth reporting
+        tell(str(stop) or "interrupted")
     return sorted(runs, key=lambda run: run.number)
 
 
@@ -61,13 +66,14 @@ def command(kind: str, seed: int, number: int) -> str:
     return f"needlefem verify --stress {kind} --seed {seed} --only {number}"
 
 
-def passed(runs: Sequence[SceneRun]) -> bool:
-    """Say whether all requirements are met and enough scenes are complete."""
+def passed(runs: Sequence[SceneRun], asked: int) -> bool:
+    """Say whether all scenes that were asked for were run, without faults, enough complete."""
     complete = sum(run.complete for run in runs)
-    return complete >= COMPLETE * len(runs) and not any(run.faults for run in runs)
+    faulty = any(run.faults for run in runs)
+    return len(runs) == asked and complete >= COMPLETE * asked and not faulty
 
 
-def summary(runs: Sequence[SceneRun]) -> Table:
+def summary(runs: Sequence[SceneRun], asked: int) -> Table:
     """Return the table of statuses, then of what was drawn, each with its faults."""
     rows = [*_rows("status", runs, lambda run: run.status)]
     rows += _rows("symmetry checked", [run for run in runs if run.symmetry], _symmetry)
@@ -79,14 +85,15 @@ def summary(runs: Sequence[SceneRun]) -> Table:
     seconds = sum(run.seconds for run in runs)
     faulty = sum(bool(run.faults) for run in runs)
     note = (
-        f"{len(runs)} scenes, {complete} complete ({100.0 * complete / max(len(runs), 1):.1f} %), "
-        f"{faulty} with a fault, {seconds:.0f} s of processor time"
+        f"{len(runs)} of {asked} scenes run, {complete} complete "
+        f"({100.0 * complete / max(len(runs), 1):.1f} %), {faulty} with a fault, "
+        f"{seconds:.0f} s of processor time"
     )
     return Table(
         title="random scenes",
         columns=("aspect", "kind", "scenes", "complete", "faults"),
         rows=rows,
-        passed=passed(runs),
+        passed=passed(runs, asked),
         note=note,
     )
 
@@ -128,11 +135,13 @@ def listing(seed: int, runs: Sequence[SceneRun]) -> list[str]:
     return lines
 
 
-def record(seed: int, runs: Sequence[SceneRun]) -> dict[str, Any]:
+def record(seed: int, runs: Sequence[SceneRun], asked: int) -> dict[str, Any]:
     """Return all runs for JSON."""
     return {
         "seed": seed,
-        "passed": passed(runs),
+        "asked": asked,
+        "run": len(runs),
+        "passed": passed(runs, asked),
         "scenes": [
             {
                 "number": run.number,

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +13,44 @@ from needlefem.stress import inputs
 from needlefem.stress.damage import CODE, damage
 from needlefem.stress.inputfiles import MESH_FILES, make_results, write_case, write_mesh_case
 from needlefem.stress.inputruns import check_input
+from needlefem.stress.pool import Lost
 
 SEED = 16
-COUNT = 300
+COUNT = 200
 
 
 def test_a_sample_meets_all_requirements() -> None:
     runs = inputs.run_inputs(main, SEED, range(COUNT), min(2, os.cpu_count() or 1), print)
-    assert inputs.passed(runs), "\n".join(inputs.listing(SEED, runs))
+    assert inputs.passed(runs, COUNT), "\n".join(inputs.listing(SEED, runs))
+
+
+@pytest.mark.parametrize("kind", ["inputs", "scenes"])
+def test_a_run_that_is_stopped_reports_what_ran(
+    kind: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def first_alone(*_: object, **__: object) -> Iterator[tuple[int, Lost]]:
+        yield 0, Lost("too late")
+        raise KeyboardInterrupt("stopped by SIGTERM")
+
+    monkeypatch.setattr("needlefem.stress.inputs.make_results", make_no_results)
+    monkeypatch.setattr(f"needlefem.stress.{kind}.work_through", first_alone)
+    assert main(["verify", "--stress", kind, "--count", "7"]) == 1
+    said = capsys.readouterr()
+    assert f"1 of 7 {kind} run" in said.out
+    assert "1 with a fault" in said.out
+    assert "too late" in said.out
+    assert "stopped by SIGTERM" in said.err
+
+
+def make_no_results(folder: Path, command_line: object) -> None:
+    for name in ("run", "plan"):
+        (folder / name).mkdir()
+        (folder / name / f"{name}.json").write_text("{}")
+
+
+def test_what_passed_in_part_has_not_passed() -> None:
+    assert inputs.passed([], 0)
+    assert not inputs.passed([], 1)
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +161,7 @@ def test_faults_are_seen(
     number = _number_of_run(results, tmp_path)
     run = check_input(command_line, results, 1, number, tmp_path / "own")  # type: ignore[arg-type]
     assert requirement in [fault.requirement for fault in run.faults]
-    assert not inputs.passed([run])
+    assert not inputs.passed([run], 1)
     assert f"--only {number}" in "\n".join(inputs.listing(1, [run]))
 
 
@@ -158,6 +188,6 @@ def _number_of_run(results: Path, tmp_path: Path) -> int:
 def test_one_input_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "kept"
     main(["verify", "--stress", "inputs", "--seed", "1", "--only", "2", "--out", str(folder)])
-    assert "1 inputs" in capsys.readouterr().out
+    assert "1 of 1 inputs run" in capsys.readouterr().out
     assert (folder / "in").is_dir()
     assert (folder / "errors.txt").exists()
