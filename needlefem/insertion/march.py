@@ -4,13 +4,14 @@ The independent variable is the length of path in the material, not the depth: e
 which depth puts the next material point at the tip. Depth comes out, and may fall back: there
 the tip would run ahead at fixed depth (a snap), until its resistance is back at the cutting
 force. Every shaft point is taken to slip forward, which is checked after every step. The last
-step is shorter: it ends at the requested depth.
+step is shorter: it ends at the requested depth. A march ends before a step in which friction or the
+tip would give energy; time stepping goes on from there.
 """
 
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -42,6 +43,8 @@ ROUND_OFF = 1e-14
 """Distance from it to which the last step is solved, m."""
 ENOUGH = 1e-3
 """Lateral error of a step tried for the requested depth, over what is left to it."""
+CREATED = 5e-10
+"""Energy that friction or the tip may give in a step, over the turnover, before the march ends."""
 FROM_PUNCTURE = 2
 """States up to that in which the skin is cut."""
 LITTLE = 0.25
@@ -58,6 +61,27 @@ T = TypeVar("T", float, Floats)
 class _StopError(Exception):
     def __init__(self, status: Status, sentence: str) -> None:
         self.outcome = Outcome(status, sentence)
+
+
+class _Before(NamedTuple):
+    """What the check of the next step needs of the newest state.
+
+    Parameters
+    ----------
+    path : array, shape (pieces * dim,), N (N/m in 2D)
+        Forces on the path.
+    tip : Trial
+        Of the tip's kernel, its first functional, in that state.
+    at_tip : array, shape (pieces * dim,), m/N
+        Axial displacement of this functional for unit forces on the path's pieces.
+    tip_moved : float, m
+        The same under all forces of the state.
+    """
+
+    path: Floats
+    tip: Trial
+    at_tip: Floats
+    tip_moved: float
 
 
 class March:
@@ -101,7 +125,8 @@ class March:
         self.snaps: list[Snap] = []
         self._solver = StepSolver(instrument, self.contact, guide)
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
-        self._tip_trial: Trial | None = None
+        self._before: _Before | None = None
+        self._inside: Vector | None = None
         self.states: list[State] = []
 
     def iterate(self) -> Iterator[State]:
@@ -185,11 +210,14 @@ class March:
 
     def _check_inside(self, tip: Vector, depth: float) -> None:
         """Raise a `LeftTissueError` if the tip leaves the tissue on its way to a point."""
+        if tip is self._inside:
+            return
         last = self.states[-1]
         share = self._watch.first_exit(last.tip, tip)
         if share is not None:
             place = last.tip + share * (tip - last.tip)
             raise LeftTissueError(place, last.depth + share * (depth - last.depth))
+        self._inside = tip
 
     def _at_max_depth(self, beyond: Step) -> Step:
         """Return the step to the requested depth, a part of one that goes beyond it.
@@ -250,7 +278,6 @@ class March:
             sentence = f"the skin is cut at {100.0 * depth:.4g} cm, beyond {largest}"
             raise _StopError(Status.NOT_PUNCTURED, sentence)
         self.contact.adopt(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
-        self._tip_trial = trial
         self.states[-1] = dataclasses.replace(
             self.states[-1],
             axial=np.zeros(1),
@@ -258,6 +285,8 @@ class March:
             tip_lateral=np.zeros(len(lateral)),
             moved=np.concatenate([[depth], np.zeros(len(lateral))])[None],
         )
+        path = np.append(0.0, limit * lateral)
+        self._before = _Before(path, trial, trial.bare[0], depth)
 
     def _accept(self, step: Step, *, jumping: bool = False, guide: Step | None = None) -> State:
         """Make the step's piece part of the path and keep the state.
@@ -271,8 +300,7 @@ class March:
         forces = step.forces
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
-        self._check_slip(step, moved)
-        self._tip_trial = step.trial
+        self._before = self._checked(step, lateral, moved)
         self._solver.follow(guide or step)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
@@ -293,28 +321,76 @@ class March:
             )
         )
 
-    def _check_slip(self, step: Step, moved: Floats) -> None:
+    def _checked(self, step: Step, lateral: Floats, moved: Floats) -> _Before:
         """End the march where a point of the shaft, or the new piece, does not slip forward.
 
         Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
-        tip before the step.
+        tip before the step. The march ends as well before a step in which friction or the tip
+        would give energy: the tissue at the tip is so strained that it goes ahead of it.
+
+        Parameters
+        ----------
+        step : Step
+        lateral : array, shape (pieces, dim - 1), N (N/m in 2D)
+            Forces on the path after it.
+        moved : array, shape (pieces + 2, dim), m
+            Displacement of the pieces, the tip and the new piece after it.
+
+        Returns
+        -------
+        What the check of the next step needs.
         """
-        before, trial = self.states[-1], step.trial
-        count, dim = len(before.moved), self.contact.dim
-        assert self._tip_trial is not None
-        tip = self._tip_trial.response.at(trial.rows)[:, 0] * before.tip_force
-        ahead = float(trial.loads[dim] @ tip)
-        ahead += float(trial.coupling[dim, ::dim] @ before.axial)
-        for axis in range(1, dim):
-            ahead += float(trial.coupling[dim, axis::dim] @ before.lateral[:, axis - 1])
-        gone = step.depth - before.depth
-        slip = gone - (moved[:count, 0] - before.moved[:, 0])
-        own = gone - (float(moved[-1, 0]) - ahead)
-        if min(own, slip[1:].min(initial=own)) < -STICK_TOLERANCE:
+        last, known = self.states[-1], self._before
+        assert known is not None
+        trial, forces = step.trial, step.forces
+        dim, count = len(moved[0]), len(last.moved)
+        path = np.zeros((count + 1, dim))
+        path[:count, 0], path[:count, 1:] = last.axial, lateral
+        path[count] = forces[dim:]
+        flat = path.ravel()
+        between = trial.loads @ known.tip.response.at(trial.rows)[:, 0]
+        was = trial.coupling @ known.path + last.tip_force * between
+        travel = step.depth - last.depth
+        slip = travel - moved[1:count, 0] + last.moved[1:, 0]
+        own = travel - float(moved[-1, 0] - was[dim])
+        if own < -STICK_TOLERANCE or slip.min(initial=0.0) < -STICK_TOLERANCE:
             raise _StopError(
                 Status.RESTICK,
                 f"a point of the shaft stops slipping at depth {100.0 * step.depth:.4g} cm; "
                 "path following ends there",
+            )
+        tip_moved = float(moved[-2, 0])
+        old = travel - float(known.at_tip @ flat[:-dim] + between @ forces) + known.tip_moved
+        new = travel - tip_moved + float(was[0])
+        friction = float(last.axial[1:] @ slip) + 0.5 * step.friction * own
+        if min(old, new, friction) < 0.0:
+            self._check_energy(step, friction, old, new)
+        at_tip = np.append(trial.coupling[0], trial.bare[0, dim:])
+        return _Before(flat, trial, at_tip, tip_moved)
+
+    def _check_energy(self, step: Step, friction: float, old: float, new: float) -> None:
+        """End the march where friction, cutting or a snap would give energy in a step.
+
+        Parameters
+        ----------
+        step : Step
+        friction : float, J (J/m in 2D)
+            What friction takes.
+        old, new : float, m
+            The needle's way past the material at the tip before and after the step.
+        """
+        last = self.states[-1]
+        cutting = 0.5 * (last.cutting_force * old + step.cutting_force * new)
+        excess = 0.5 * ((last.tip_force - last.cutting_force) * old + step.excess * new)
+        least = min(friction, cutting, excess, friction + cutting + excess)
+        force = np.array([state.force for state in self.states])
+        travel = np.diff([state.depth for state in self.states])
+        turnover = 0.5 * float((force[1:] + force[:-1]) @ np.abs(travel))
+        if least < -CREATED * turnover:
+            raise _StopError(
+                Status.RESTICK,
+                f"at depth {100.0 * step.depth:.4g} cm the tissue goes ahead of the tip that cuts "
+                "it; path following ends there",
             )
 
     def _snap(self, peak: Step | None) -> Iterator[State]:
