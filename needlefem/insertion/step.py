@@ -17,6 +17,8 @@ TOLERANCE = 1e-12
 """Lateral distance of the tip from the axis at which a step is solved, m."""
 STALLED = 1e-15
 """Change of the tip's direction below which iterating is in vain."""
+STEEPEST = 0.9
+"""Largest sine of the angle between a step and the needle's axis."""
 MOST_ITERATIONS = 40
 
 
@@ -141,6 +143,9 @@ class StepSolver:
         slope, jacobian = begin, self._jacobian
         if slope is None:
             slope, jacobian = self._guide.guess(self._slope, jacobian)
+        steep = math.sqrt(slope @ slope)
+        if steep > STEEPEST:  # an extrapolated direction can be none
+            slope = slope * (STEEPEST / steep)
         sideways = slope * length
         step = self._try(start, length, sideways, depth)
         for _ in range(MOST_ITERATIONS):
@@ -150,8 +155,8 @@ class StepSolver:
             change = -solved(jacobian, step.residual)
             wanted = sideways + change
             size = math.sqrt(wanted @ wanted)
-            if size > 0.9 * length:
-                wanted *= 0.9 * length / size
+            if size > STEEPEST * length:
+                wanted *= STEEPEST * length / size
                 change = wanted - sideways
             if math.sqrt(change @ change) <= STALLED * length:
                 break

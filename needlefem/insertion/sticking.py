@@ -71,15 +71,20 @@ def sticking(
         The scene's own penalty is too stiff for the mesh.
     """
     spacing = instrument.spacing
-    count = max(2, int(length / spacing))
+    count = int(length / spacing)
+    if count < 2:  # one segment has no neighbour that the mesh could take it for
+        return Sticking(needle.stick_stiffness, 1.0, 1.0)
     compliance = straight_path(instrument, responses, count).sliding().compliance
     lengths = np.full(count, spacing)
+    softest = float(np.linalg.eigvalsh(compliance)[-1])
+    if not softest * spacing > 0.0:
+        problem = "the tissue along the needle does not move under its forces"
+        raise CaseError("supports", problem, "hold less of it, or check the size of the mesh")
 
     def condition(stiffness: float) -> float:
         return stick_condition(compliance, Friction(stiffness=stiffness).slack(lengths))
 
     given, rigid = needle.stick_stiffness, condition(0.0)
-    softest = float(np.linalg.eigvalsh(compliance)[-1])
     stiffest = 0.5 * STICK_CONDITION / (softest * spacing)
     if given > 0.0:
         found = condition(given)

@@ -138,7 +138,7 @@ def write_mesh_case(folder: Path, name: str) -> None:
         data["supports"] = {"walls": {"regions": ["base"]}}
         data["regions"]["base"] = {"contour": "base.csv", "material": "organ"}
         (folder / "base.csv").write_text(
-            "y [cm], z [cm]\n-1, 3.3\n5, 3.3\n5, 5\n-1, 5\n", encoding="utf-8"
+            "y [cm], z [cm]\n0, 3.3\n4, 3.3\n4, 4\n0, 4\n", encoding="utf-8"
         )
     write_case(folder, data)
     write_drawn_mesh(mesh, folder / name)

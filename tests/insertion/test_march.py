@@ -238,3 +238,11 @@ def test_validity_counts_folds(gel: Scene, insert: Push) -> None:
     wild = validity(insert(soft), -1)
     assert wild.largest_strain > 0.3
     assert "beyond small strain" in wild.warnings()[0]
+
+
+def test_the_last_step_ends_at_the_depth_in_soft_tissue(gel: Scene) -> None:
+    soft = vary(gel, {"materials.gel.youngs_modulus": 6e3, "motion.max_depth": 0.045})
+    simulation = Simulation(soft)
+    insertion = simulation.insert(simulation.entry_of_case())
+    assert insertion.outcome.status is Status.COMPLETED
+    assert insertion.states[-1].depth == 0.045

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import simulate
+from needlefem.insertion.simulation import Simulation
 from needlefem.output.figures.targets import draw_moved_target
 from needlefem.output.figures.turning import draw_turning
 from needlefem.output.motionpictures import draw_forces, draw_sticking
@@ -122,7 +122,9 @@ def test_pictures_of_a_plan_are_as_kept(name: str, organ: Scene, tmp_path: Path)
 
 def test_curved_edges_are_as_kept(gel: Scene, tmp_path: Path) -> None:
     scene = with_element(vary(gel, {"mesh.divisions": (5, 5)}), "P2-P1")
-    render(simulate(scene), tmp_path / "new.png", shot=Shot(size=SIZE, field="pressure"))
+    simulation = Simulation(scene)  # a picture of curved cells: they are too coarse to plan on
+    insertion = simulation.move(simulation.entry_of_case())
+    render(insertion, tmp_path / "new.png", shot=Shot(size=SIZE, field="pressure"))
     check(tmp_path / "new.png", "curved")
 
 

@@ -223,7 +223,7 @@ def test_command_draws_cases_and_results(
     record["tip_path"][3][0] += 1e-3
     file.write_text(json.dumps(record))
     assert run(str(file), "--out", still) == 2
-    assert "its case gives another result by now; write it anew" in capsys.readouterr().err
+    assert "is not what 'run.json' has; write the result anew" in capsys.readouterr().err
 
 
 def test_command_carries_a_plan_out(tmp_path: Path) -> None:
