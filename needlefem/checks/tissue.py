@@ -161,15 +161,20 @@ def _probe_loads(model: Model) -> Floats:
     return loads.reshape(model.ndofs, -1)
 
 
+def _relative(error: float, largest: float) -> float:
+    """Return a relative error; not a number where tissue that does not move has no response."""
+    return float(error / largest) if largest > 0.0 else float("nan")
+
+
 def reciprocity(model: Model) -> CheckResult:
     """Check Betti's theorem: the response at A to a force at B is that at B to one at A."""
     forces = _probe_loads(model)
     responses = forces.T @ model.solve(forces)
-    apart = np.abs(responses - responses.T).max() / np.abs(responses).max()
+    apart = _relative(np.abs(responses - responses.T).max(), np.abs(responses).max())
     return CheckResult(
         name="reciprocity",
         requirement="responses between two points are symmetric (Betti)",
-        value=float(apart),
+        value=apart,
         bound=1e-9,
         remedy=NO_RESPONSE,
     )
@@ -181,11 +186,10 @@ def energy_identity(model: Model) -> CheckResult:
     moved = model.solve(forces)
     energy = model.stiffness.energy(moved)
     work = 0.5 * (forces[:, 0] + forces[:, 1]) @ (moved[:, 1] - moved[:, 0])
-    largest = float(np.max(energy))
     return CheckResult(
         name="energy identity",
         requirement="strain energy changes by the work of the mean force",
-        value=float(abs(energy[1] - energy[0] - work) / largest) if largest > 0.0 else np.nan,
+        value=_relative(abs(energy[1] - energy[0] - work), np.max(energy)),
         bound=1e-10,
         remedy=NO_RESPONSE,
     )

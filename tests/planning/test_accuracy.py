@@ -14,7 +14,6 @@ from needlefem.planning import reference
 from needlefem.planning.estimate import HALVED, estimate, finer_tissue, offset_on, path_error
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
-from needlefem.planning.result import PlanStatus
 from needlefem.planning.reference import Exact, placed_on
 from needlefem.planning.result import PlanStatus
 from needlefem.planning.sizes import Sizes
