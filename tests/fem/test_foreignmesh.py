@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
-from needlefem.fem import foreignmesh, meshfile
+from needlefem.fem import foreignmesh
 from needlefem.fem.mesh import box
 from needlefem.fem.meshfile import read_plane_mesh
 
@@ -131,5 +131,5 @@ def test_a_file_is_read_once_until_it_changes(
 ) -> None:
     path = write(tmp_path / "a.vtu", "vtu")
     first = read_plane_mesh(path, 1.0).mesh
-    monkeypatch.setattr(meshfile, "read_foreign", None)
+    monkeypatch.setattr(foreignmesh, "read_foreign", None)
     assert read_plane_mesh(path, 1e-3).mesh.p == pytest.approx(1e-3 * first.p)
