@@ -64,7 +64,7 @@ def recorded(course: Course, wanted: History) -> Iterator[State]:
                     yield state
             except GeneratorExit:  # the caller has seen enough
                 pass
-            except KeyboardInterrupt as stop:  # what there is until then is worth keeping
+            except KeyboardInterrupt as stop:  # the part until then is kept
                 stopped = stop
             writer.events()
         if stopped is not None:

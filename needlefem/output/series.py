@@ -67,7 +67,7 @@ def recorded(motions: Iterator[Motion], stepper: Stepper, wanted: Recording) -> 
                     yield motion
             except GeneratorExit:  # the caller has seen enough
                 pass
-            except (NeedlefemError, KeyboardInterrupt) as stop:  # what there is is worth keeping
+            except (NeedlefemError, KeyboardInterrupt) as stop:  # the part until then is kept
                 failure = stop
         recorder.finish("completed" if failure is None else str(failure) or "interrupted")
         if failure is not None:

@@ -1,8 +1,8 @@
-"""The first that is said of a plan: how near it places, what that contains, what it does not.
+"""The first line on a plan: its estimated placement error, what that contains, what it does not.
 
-A search ends within 1e-8 m of the target on its own model. That is a residual and no accuracy: the
-placement error is what the discretisation does to it, as far as it was estimated, and strains
-beyond those that small strain describes are not in it.
+A search ends within 1e-8 m of the target on its own model. That is a residual, not an estimate
+of the accuracy: the placement error is that of the discretisation, as far as it was estimated.
+It does not contain strains beyond those that small strain describes.
 """
 
 import dataclasses

@@ -9,7 +9,7 @@ from needlefem.validation import Validated
 
 Coordinates = tuple[float, ...]
 FLATTEST = 1000.0
-"""Largest ratio of the edges of a box's squares: no element is worth anything on flatter ones."""
+"""Largest ratio of the edges of a box's squares: flatter ones are inaccurate."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -47,7 +47,7 @@ def run_inputs(
                     told = time.monotonic()
                     faulty = sum(bool(run.faults) for run in runs)
                     tell(f"{len(runs)} of {len(numbers)} inputs, {faulty} with a fault")
-        except KeyboardInterrupt as stop:  # what ran until then is worth reporting
+        except KeyboardInterrupt as stop:  # what ran until then is reported
             tell(str(stop) or "interrupted")
     return sorted(runs, key=lambda run: run.number)
 
