@@ -5,6 +5,7 @@ and so do the derivatives that a step is solved with. Both are guesses only: a s
 the same tolerance whatever it began from.
 """
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,16 +31,25 @@ class Guide:
     ----------
     learnt : list of (direction, derivative)
         Steps made so far.
+    last : LastStep or None
+        The step that ended at the requested depth.
     """
 
-    def __init__(self, entry: Vector, expected: Sequence[Learnt] = ()) -> None:
+    def __init__(
+        self,
+        entry: Vector,
+        expected: Sequence[Learnt] = (),
+        expected_last: "LastStep | None" = None,
+    ) -> None:
         self.entry, self.learnt = entry, list[Learnt]()
         self._expected = expected
+        self.last: LastStep | None = None
+        self._expected_last = expected_last
 
     def beside(self, entry: Vector, near: float) -> "Guide":
         """Return the guide of the next march: of no use unless its entry is near (m)."""
         apart = float(np.linalg.norm(entry - self.entry))
-        return Guide(entry, self.learnt if apart <= near else ())
+        return Guide(entry, self.learnt, self.last) if apart <= near else Guide(entry)
 
     def guess(self, slope: Floats, jacobian: Floats) -> Learnt:
         """Return direction and derivative to begin the next step with, from those of the last."""
@@ -48,3 +58,31 @@ class Guide:
             return slope, jacobian
         (then, _), (now, known) = self._expected[number - 1 : number + 1]
         return slope + now - then, known
+
+    def guess_last(self) -> "LastStep | None":
+        """Return what the last step of the march nearby was, if the next one is its equal."""
+        last = self._expected_last
+        if last is None or len(self.learnt) != last.number or last.number == 0:
+            return None
+        return last
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LastStep:
+    """A step that ended at the requested depth.
+
+    Parameters
+    ----------
+    number : int
+        Number of steps before it.
+    length : float, m
+    turned : array, shape (dim - 1,)
+        Its direction less that of the step before.
+    derivatives : array, shape (dim, dim)
+        Of depth and lateral distance, m, to length, m, and direction.
+    """
+
+    number: int
+    length: float
+    turned: Floats
+    derivatives: Floats

@@ -25,6 +25,7 @@ from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Snap
 from needlefem.insertion.state import State
 from needlefem.insertion.step import (
     MOST_ITERATIONS,
+    ROUND_OFF,
     TOLERANCE,
     NoEquilibriumError,
     Step,
@@ -39,8 +40,6 @@ STICK_TOLERANCE = 1e-9
 """Backward motion of the needle against a shaft point that ends the march, m."""
 AT_DEPTH = 1e-12
 """Distance from the requested depth at which it is reached, m."""
-ROUND_OFF = 1e-14
-"""Distance from it to which the last step is solved, m."""
 ENOUGH = 1e-3
 """Lateral error of a step tried for the requested depth, over what is left to it."""
 CREATED = 5e-10
@@ -51,6 +50,10 @@ LITTLE = 0.25
 """Depth gained in a step, over that of the step before, below which a maximum is looked for."""
 PEAK = 1e-6
 """Part of a step to which it is found; there depth may have a kink, at an interface."""
+SURE = 0.95
+"""Part of a whole step below which the last one is predicted to be shorter."""
+STEADY = 0.5
+"""Depth gained over length in a predicted last step, over that of the step before, at least."""
 HALVINGS = 6
 """Of a step that would leave the tissue, before the tip is at the surface."""
 
@@ -161,6 +164,10 @@ class March:
     def _states_to_depth(self) -> Iterator[State]:
         yield from self._puncture()
         while self.max_depth - self.states[-1].depth > AT_DEPTH:
+            end = None if self.within else self._predicted_end()
+            if end is not None:
+                yield self._accept(end)
+                return
             step = self._next()
             peak = self._peak(step) if self._may_fall(step) else None
             highest = step if peak is None else peak
@@ -178,6 +185,29 @@ class March:
         *_, before, last = self.states
         gained = last.depth - before.depth if len(self.states) > FROM_PUNCTURE else 0.0
         return step.depth - last.depth <= LITTLE * gained
+
+    def _predicted_end(self) -> Step | None:
+        """Return the step to the requested depth where the step before says how long it will be.
+
+        None where the next step may be whole, or where the depth does not go on as it did: then
+        the whole step is looked at first.
+        """
+        if len(self.states) <= FROM_PUNCTURE:
+            return None
+        before, last = self.states[-2:]
+        made, left = float(np.linalg.norm(last.tip - before.tip)), self.max_depth - last.depth
+        gained = last.depth - before.depth
+        if made <= 0.0 or left * made >= SURE * gained * self.instrument.spacing:
+            return None
+        rate = gained / made
+        try:
+            step = self._solver.solve_to(last.tip, self.max_depth, left / rate, rate)
+            if step is None or left < STEADY * rate * self._length(step):
+                return None
+            self._check_inside(step.tip, step.depth)
+        except (OutsideError, LeftTissueError):
+            return None
+        return step
 
     def _solve(self, length: float, depth: float | None = None) -> Step:
         return self._solver.solve(self.states[-1].tip, length, depth)

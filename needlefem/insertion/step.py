@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem.arrays import Floats, Vector
 from needlefem.fem.skin import place_text
-from needlefem.insertion.guide import Guide
+from needlefem.insertion.guide import Guide, LastStep
 from needlefem.needle.axis import Axis
 from needlefem.needle.contact import Contact
 from needlefem.needle.functionals import Trial
@@ -20,6 +20,10 @@ STALLED = 1e-15
 STEEPEST = 0.9
 """Largest sine of the angle between a step and the needle's axis."""
 MOST_ITERATIONS = 40
+ROUND_OFF = 1e-14
+"""Distance from the requested depth to which the last step is solved, m."""
+FEW_ITERATIONS = 10
+"""Of a step whose length is solved for as well; a good guess takes five."""
 
 
 class Step(NamedTuple):
@@ -166,6 +170,52 @@ class StepSolver:
             sideways, step = wanted, new
         raise NoEquilibriumError(not_found(length, last))
 
+    def solve_to(self, last: Vector, depth: float, length: float, rate: float) -> Step | None:
+        """Find the step that ends at a depth: its length together with its direction.
+
+        Broyden's method for both. None: not found from this guess.
+
+        Parameters
+        ----------
+        last : array, shape (dim,), m
+            Material point at the tip now.
+        depth : float, m
+            Where the step ends.
+        length : float, m
+            Guess; a march nearby knows a better one.
+        rate : float
+            Depth gained over length, about.
+        """
+        start, slope = _Start(last, self._instrument.axis), self._slope
+        number, known = len(self._guide.learnt), self._guide.guess_last()
+        if known is None:
+            jacobian = np.eye(len(slope) + 1)
+            jacobian[0, 0], jacobian[1:, 1:] = rate, length * self._jacobian
+            unknown = np.append(length, slope)
+        else:
+            jacobian = known.derivatives
+            unknown = np.append(known.length, slope + known.turned)
+        error = change = np.zeros(0)
+        for _ in range(FEW_ITERATIONS):
+            sideways = unknown[0] * unknown[1:]
+            if not 0.0 < unknown[0] <= self._instrument.spacing or (
+                sideways @ sideways > (STEEPEST * unknown[0]) ** 2
+            ):
+                return None
+            step = self._try(start, float(unknown[0]), sideways, None)
+            reached = np.append(step.depth - depth, step.residual)
+            if len(change):
+                wrong = reached - error - jacobian @ change
+                jacobian = jacobian + wrong[:, None] * (change / (change @ change))
+            error = reached
+            if abs(error[0]) <= ROUND_OFF and abs(error[1:]).max() <= TOLERANCE:
+                turned = step.slope - slope
+                self._guide.last = LastStep(number, float(unknown[0]), turned, jacobian)
+                return step if jacobian[0, 0] > 0.0 else None
+            change = -solved(jacobian, error)
+            unknown = unknown + change
+        return None
+
     def _try(self, start: "_Start", length: float, sideways: Floats, depth: float | None) -> Step:
         """Put the tip `length` further along the path, `sideways` of it across the axis."""
         self.evaluations += 1
@@ -231,7 +281,7 @@ def _eliminated(
 
 
 def solved(matrix: Floats, rhs: Floats) -> Floats:
-    """Solve a system of the size of the lateral directions, of which the plane has one."""
+    """Solve a small system; one equation is all that lateral directions in the plane need."""
     if len(matrix) == 1:
         return rhs / float(matrix[0, 0])
     return np.linalg.solve(matrix, rhs).astype(float)

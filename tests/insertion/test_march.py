@@ -246,3 +246,33 @@ def test_the_last_step_ends_at_the_depth_in_soft_tissue(gel: Scene) -> None:
     insertion = simulation.insert(simulation.entry_of_case())
     assert insertion.outcome.status is Status.COMPLETED
     assert insertion.states[-1].depth == 0.045
+
+
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.9])
+def test_a_predicted_last_step_is_that_found_by_bracketing(
+    organ: Scene, monkeypatch: pytest.MonkeyPatch, part: float
+) -> None:
+    whole = Simulation(organ)
+    depths = whole.insert(whole.entry_of_case()).depths
+    depth = float(depths[-3] + part * (depths[-2] - depths[-3]))
+    scene = vary(organ, {"motion.max_depth": depth})
+    simulation = Simulation(scene, whole.model)
+    predicted = simulation.insert(simulation.entry_of_case())
+    assert predicted.states[-1].depth == depth
+    monkeypatch.setattr("needlefem.insertion.march.SURE", 0.0)
+    bracketed = Simulation(scene, whole.model)
+    found = bracketed.insert(bracketed.entry_of_case())
+    assert predicted.tips == pytest.approx(found.tips, abs=1e-11)
+    assert predicted.states[-1].force == pytest.approx(found.states[-1].force, rel=1e-8)
+    assert predicted.evaluations < found.evaluations
+
+
+def test_a_march_nearby_predicts_the_last_step(organ: Scene) -> None:
+    simulation = Simulation(organ)
+    beside = np.array(organ.target) + np.array([1e-6, 0.0])
+    simulation.insert(simulation.entry_through(np.array(organ.target)))
+    guided = simulation.insert(simulation.entry_through(beside))
+    assert guided.states[-1].depth == organ.motion.max_depth
+    alone = Simulation(organ, simulation.model)
+    found = alone.insert(alone.entry_through(beside))
+    assert guided.tips[-1] == pytest.approx(found.tips[-1], abs=1e-11)
