@@ -24,6 +24,7 @@ from needlefem.stress.sceneruns import Fault
 MOST_LINES, MOST_CHARACTERS = 2, 800
 """Of a message."""
 STATUSES = (0, 1, 2, 3, 4)
+PACKAGE = Path(__file__).parents[1]
 CANARY = CODE.partition(":")[0]
 FOREIGN = re.compile(r"Warning:|^\s*File \"|vtk[A-Z]|kwarg |ERROR|Error:|HDF5")
 """What lines of dependencies have in them that reach the user."""
@@ -247,8 +248,14 @@ def _show_warning(  # noqa: PLR0917  (as Python calls it)
     file: Any = None,  # noqa: ARG001
     line: str | None = None,  # noqa: ARG001
 ) -> None:
-    """Write a warning as Python does, whoever has turned that to another form or place."""
-    sys.stderr.write(f"{filename}:{lineno}: {category.__name__}: {message}\n")
+    """Write a warning of the package as the command does, and one of a dependency as Python does.
+
+    A dependency that has turned warnings to another form or place must not hide its own.
+    """
+    if Path(filename).is_relative_to(PACKAGE):
+        sys.stderr.write(f"needlefem: warning: {message}\n")
+    else:
+        sys.stderr.write(f"{filename}:{lineno}: {category.__name__}: {message}\n")
 
 
 @contextlib.contextmanager
