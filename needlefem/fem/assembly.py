@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from skfem import Basis, BilinearForm, ElementVector, FacetBasis, LinearForm
 from skfem.helpers import div, dot
+from skfem.mapping import MappingAffine, MappingIsoparametric
 
 from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
@@ -18,19 +19,28 @@ Field = Callable[[Points], Floats]
 
 def displacement_basis(mesh: SkfemMesh, element: ElementRow, rule: Rule) -> Basis:
     """Return the vector-valued basis of the displacement with a quadrature rule."""
-    return Basis(mesh, ElementVector(element.make()), quadrature=rule())
+    vector = ElementVector(element.make())
+    return Basis(mesh, vector, mapping=_mapping(mesh), quadrature=rule())
 
 
 def fine_basis(mesh: SkfemMesh, element: ElementRow, order: int) -> Basis:
     """Return the displacement's basis on a quadrature for any smooth field."""
-    return Basis(mesh, ElementVector(element.make()), intorder=order)
+    return Basis(mesh, ElementVector(element.make()), mapping=_mapping(mesh), intorder=order)
 
 
 def pressure_basis(mesh: SkfemMesh, element: ElementRow) -> Basis:
     """Return the basis of a mixed element's pressure, on the quadrature of K."""
     if element.pressure is None:
         raise CaseError(f"element {element.name}", "has no pressure", "use a mixed element")
-    return Basis(mesh, element.pressure(), quadrature=element.stiffness_rule())
+    quadrature = element.stiffness_rule()
+    return Basis(mesh, element.pressure(), mapping=_mapping(mesh), quadrature=quadrature)
+
+
+def _mapping(mesh: SkfemMesh) -> Any:
+    """Return a map from the reference cell; a mesh that kept its own would never be freed."""
+    if mesh.affine:
+        return MappingAffine(mesh)
+    return MappingIsoparametric(mesh, mesh.elem(), mesh.bndelem)
 
 
 def strain(gradient: Floats) -> list[Floats]:
@@ -157,7 +167,8 @@ def traction_load(
 
     `traction` takes points and outward unit normals, both (n, dim), and returns (n, dim).
     """
-    basis = FacetBasis(mesh, ElementVector(element.make()), facets=facets, intorder=order)
+    vector = ElementVector(element.make())
+    basis = FacetBasis(mesh, vector, mapping=_mapping(mesh), facets=facets, intorder=order)
 
     def form(v: Any, w: Any) -> Floats:
         dim, *shape = w.x.shape

@@ -68,7 +68,7 @@ class Interpolation(Lasting):
     @cached_property
     def surface(self) -> Surface:
         """The surface of the tissue in which the field is."""
-        return Surface(self._mesh, lambda points: self.locator.find(points)[0] >= 0)
+        return Surface(self._mesh, self.locator.inside)
 
     def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> Weights:
         """Return weighted means of a field over points, as functionals.

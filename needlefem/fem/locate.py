@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from needlefem.arrays import Ints, Points, SkfemMesh
+from needlefem.arrays import Bools, Ints, Points, SkfemMesh
 from needlefem.fem.cellmap import cell_corners, cell_map
 
 INSIDE = 1e-9
@@ -61,6 +61,11 @@ class Locator:
         found[owner[hit]] = cells[hit]
         reference[owner[hit]] = local[hit]
         return found, reference
+
+    def inside(self, points: Points) -> Bools:
+        """Return whether points, shape (n, dim), m, lie in the mesh, shape (n,)."""
+        found: Bools = self.find(points)[0] >= 0
+        return found
 
 
 def _boxes(first: Ints, last: Ints, bins: int) -> tuple[Ints, Ints]:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import block_array, vstack
 
-from needlefem.arrays import Floats, Ints, Points, Sparse
+from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Sparse
+from needlefem.elements import ElementRow
 from needlefem.fem import assembly
 from needlefem.fem.shapes import shape_table
-from needlefem.fem.space import Space
 
 
 class Pressures:
@@ -20,15 +20,16 @@ class Pressures:
 
     Parameters
     ----------
-    space : Space
-        Of a mixed element.
+    mesh : skfem.Mesh
+    element : ElementRow
+        A mixed one.
     owner : array, shape (ncells,)
         The law of every cell.
     """
 
-    def __init__(self, space: Space, owner: Ints) -> None:
-        self._element = space.element
-        self._basis = assembly.pressure_basis(space.mesh, space.element)
+    def __init__(self, mesh: SkfemMesh, element: ElementRow, owner: Ints) -> None:
+        self._element = element
+        self._basis = assembly.pressure_basis(mesh, element)
         self._parts = [np.flatnonzero(owner == number) for number in range(int(owner.max()) + 1)]
         self._parts = [cells for cells in self._parts if cells.size]
         self._used = [np.unique(self._basis.element_dofs[:, cells]) for cells in self._parts]

@@ -8,6 +8,7 @@ C the compressibility of the pressure's functions. K itself is full, so that the
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import block_array
@@ -21,6 +22,7 @@ from needlefem.fem.pressures import Pressures
 from needlefem.fem.space import Space
 from needlefem.materials import Split
 from needlefem.materials.voigt import volumetric
+from needlefem.pickling import lasting_state
 
 
 class Stiffness:
@@ -50,7 +52,9 @@ class Stiffness:
     """
 
     def __init__(self, space: Space, splits: Sequence[Split], owner: Ints) -> None:
-        self._space, self._element = space, space.element
+        # no reference to the space: a model owns its stiffness, and both are freed together
+        self._mesh, self._element, self._basis = space.mesh, space.element, space.basis
+        self._node_of = space.node_of
         splits, owner = _different(splits, owner)
         self._owner = owner
         shape = np.stack([part.shape for part in splits], axis=2)
@@ -66,25 +70,35 @@ class Stiffness:
         self.law: Floats = shape[:, :, owner]
         self.poissons_ratio = max(part.poissons_ratio for part in splits)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: no factorisations, no matrices, no basis."""
+        return lasting_state(self, "_basis")
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore a stiffness; its basis is made again."""
+        vars(self).update(state)
+        rule = self._element.stiffness_rule
+        self._basis = assembly.displacement_basis(self._mesh, self._element, rule)
+
     @cached_property
     def matrix(self) -> Sparse:
         """K, or A of a mixed element, shape (ndofs, ndofs)."""
-        found = assembly.stiffness(self._space.basis, self.law)
+        found = assembly.stiffness(self._basis, self.law)
         rule = self._element.volume_rule
         if self._element.volume == MEAN and rule is not None:
-            basis = assembly.displacement_basis(self._space.mesh, self._element, rule)
+            basis = assembly.displacement_basis(self._mesh, self._element, rule)
             found = found + assembly.volume_stiffness(basis, 1.0 / self.compressibility)
         return found
 
     @cached_property
     def pressures(self) -> Pressures:
         """The pressure of a mixed element."""
-        return Pressures(self._space, self._owner)
+        return Pressures(self._mesh, self._element, self._owner)
 
     @cached_property
     def coupling(self) -> Sparse:
         """B, shape (npressures, ndofs)."""
-        return self.pressures.coupling(self._space.basis)
+        return self.pressures.coupling(self._basis)
 
     @cached_property
     def volume(self) -> Sparse:
@@ -133,7 +147,7 @@ class Stiffness:
 
     def dense(self) -> Floats:
         """Return K as an array (small problems)."""
-        return self.force(np.eye(self._space.ndofs))
+        return self.force(np.eye(self._basis.N))
 
     def factor(self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None) -> Factor:
         """Factorise ``stiffness K + mass`` on free dofs; `mass` has shape (ndofs, ndofs).
@@ -146,11 +160,12 @@ class Stiffness:
             Incompressible tissue is enclosed on all sides.
         """
         system, scale = self.system(free, stiffness, mass)
-        nodes = self._space.node_of[free]
+        nodes = self._node_of[free]
         if self._element.definite:
             return factorise(system, groups=nodes)
         pressures = system.shape[0] - len(free)
-        groups = np.concatenate([nodes, self._space.nnodes + np.arange(pressures)])
+        own = int(self._node_of.max()) + 1 + np.arange(pressures)
+        groups = np.concatenate([nodes, own])
         whole = factorise(system, definite=False, groups=groups)
         return _MixedFactor(whole, len(free), pressures, scale)
 

@@ -1,8 +1,9 @@
-"""Broyden's method for the place of the tip."""
+"""Roots: Broyden's method for the place of the tip, Brent's for one unknown in an interval."""
 
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import brentq
 
 from needlefem.arrays import Floats
 from needlefem.insertion.equations import TOLERANCE, Solution
@@ -46,3 +47,16 @@ def broyden(evaluate: Evaluate, unknown: Floats, jacobian: Floats, limit: Limit)
         jacobian += np.outer(wrong, change) / (change @ change)
         unknown, error = unknown + change, reached
     return None
+
+
+def root_between(function: Callable[[float], float], low: float, high: float, xtol: float) -> float:
+    """Return where a function that changes sign between `low` and `high` vanishes (R. P. Brent).
+
+    scipy wraps what it is given in a function that refers to itself. It is given `_value`, so
+    that it does not keep `function`, and the tissue in it, until the next garbage collection.
+    """
+    return float(brentq(_value, low, high, args=(function,), xtol=xtol))
+
+
+def _value(unknown: float, function: Callable[[float], float]) -> float:
+    return function(unknown)

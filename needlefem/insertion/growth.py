@@ -1,12 +1,12 @@
 """A cut path that grows by lengths, not depths: also where the tip runs ahead."""
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 from needlefem.arrays import Floats
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
-from needlefem.insertion.broyden import broyden
+from needlefem.insertion.broyden import broyden, root_between
 from needlefem.insertion.equations import Solution, StepEquations
 from needlefem.insertion.step import not_found
 
@@ -98,8 +98,8 @@ def land(equations: StepEquations, high: float, depth: float, low: float | None 
         low, near = _near(equations, high, depth)
         if near.excess <= 0.0:
             return near
-    length = brentq(lambda x: run_ahead(equations, x, depth).excess, low, high, xtol=1e-12 * high)
-    return run_ahead(equations, float(length), depth)
+    length = root_between(lambda x: run_ahead(equations, x, depth).excess, low, high, 1e-12 * high)
+    return run_ahead(equations, length, depth)
 
 
 def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, Solution]:
@@ -173,7 +173,7 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
             raise SimulationError(not_found(length, track.vertices[-1]))
         return found.depth - depth
 
-    return cut_to(equations, float(brentq(beyond, low, high, xtol=1e-12 * high)), depth)
+    return cut_to(equations, root_between(beyond, low, high, 1e-12 * high), depth)
 
 
 def _may_fall(equations: StepEquations, step: Solution, low: float, high: float) -> bool:

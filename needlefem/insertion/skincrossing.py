@@ -9,8 +9,7 @@ through or not at all, so that friction and cutting do no work over a gap.
 
 from collections.abc import Callable
 
-from scipy.optimize import brentq
-
+from needlefem.insertion.broyden import root_between
 from needlefem.insertion.progress import Progress
 from needlefem.insertion.schedule import Tick
 from needlefem.insertion.skin import holding
@@ -96,6 +95,6 @@ def _crossing(
     last = value(1.0)
     if first * last >= 0.0 or abs(first) <= FINE * abs(last):
         return 1.0
-    share = float(brentq(value, 0.0, 1.0, xtol=FINE))
+    share = root_between(value, 0.0, 1.0, FINE)
     _begun(progress, tick, 1.0)
     return 1.0 if share > 1.0 - SHORTEST else max(share, SHORTEST)

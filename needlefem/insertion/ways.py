@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import brentq
 
+from needlefem.insertion.broyden import root_between
 from needlefem.insertion.equations import TOLERANCE, Solution, StepEquations
 from needlefem.insertion.growth import climb, cut_to
 from needlefem.insertion.state import State, Way
@@ -165,7 +165,7 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     values = function(start), function(end)
     if min(map(abs, values)) <= CLOSE * max(map(abs, values)) or values[0] * values[1] > 0.0:
         return None
-    return float(brentq(function, start, end, xtol=FINE * abs(end - start)))
+    return root_between(function, start, end, FINE * abs(end - start))
 
 
 def within_piece(equations: StepEquations, new: Moment, room: float = np.inf) -> Moment:

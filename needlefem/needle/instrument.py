@@ -104,7 +104,9 @@ class _Behind:
     """The tip's kernel and the piece behind it, with what stays the same from call to call."""
 
     def __init__(self, instrument: Instrument) -> None:
-        self._instrument = instrument
+        # no reference to the instrument, which keeps this: both are freed together
+        self._quadrature = instrument.kernel
+        self._fields = (instrument.cutting_force, instrument.shaft_friction)
         share, self._piece_offsets, self._piece_weights = instrument.piece_rule
         self._kernel, _ = instrument.kernel.rule(instrument.axis.entry)
         count = len(self._kernel)  # the kernel has as many points everywhere
@@ -118,7 +120,7 @@ class _Behind:
 
     def means(self, point: Vector, last: Vector) -> Weights:
         """See `Instrument.tip_and_piece`."""
-        kernel, weights = self._instrument.kernel.rule(point)
+        kernel, weights = self._quadrature.rule(point)
         if kernel is not self._kernel or not self._weights.size:
             self._kernel = kernel
             self._offsets = np.concatenate([kernel, self._piece_offsets])
@@ -131,8 +133,7 @@ class _Behind:
     def resistance(self, weights: Weights) -> tuple[float, float]:
         """See `Instrument`."""
         if weights.nodes is not self._nodes:
-            fields = (self._instrument.cutting_force, self._instrument.shaft_friction)
             self._nodes = weights.nodes
-            self._resistances = np.column_stack([field[self._nodes] for field in fields])
+            self._resistances = np.column_stack([field[self._nodes] for field in self._fields])
         found = weights.rows @ self._resistances
         return float(found[0, 0]), float(found[1, 1])
