@@ -68,7 +68,7 @@ quick: install
 	$(BIN)/needlefem verify --quick
 
 unit: install
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist worksteal
 
 studies: install
 	$(BIN)/needlefem study targets $(PAPER)

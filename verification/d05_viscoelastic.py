@@ -230,16 +230,17 @@ def run(quick: bool) -> Findings:
         Answer(label="creep: error, 80 steps", value=fine, tolerance=5e-5),
         Answer(label="creep: order", value=float(np.log2(coarse / fine)), reference=2.0,
                tolerance=0.025, recorded=False),
-        Answer(label="growth of any motion", value=largest_growth(), tolerance=1.0,
-               recorded=False),
     ]  # fmt: skip
+    if not quick:
+        answers.append(Answer(label="growth of any motion", value=largest_growth(), tolerance=1.0,
+                              recorded=False))  # fmt: skip
     coarse, fine = incompressible_loss(50), incompressible_loss(100)
     answers += [
         Answer(label="incompressible: loss factor, error", value=fine, tolerance=1e-3),
         Answer(label="incompressible: order", value=float(np.log2(coarse / fine)), reference=2.0,
                tolerance=0.025, recorded=False),
     ]  # fmt: skip
-    for name in ("P2", "P2-P1") if quick else CATALOGUE:
+    for name in ("P2-P1",) if quick else CATALOGUE:
         answers += loss(name, 200)
     return Findings(answers=answers)
 

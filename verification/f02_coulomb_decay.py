@@ -36,8 +36,6 @@ def turns(steps: int) -> tuple[list[Rest], Rest]:
 def run(quick: bool) -> Findings:
     """Compare the turning points, and the time at which it stops."""
     found, last = turns(100)
-    finer, _ = turns(200)
-    off = [abs(states[-1].time / STOP - 1.0) for states in (found, finer)]
     answers = [
         Answer(label=f"turning point {n + 1}", value=float(state.motion.u[0]), reference=exact,
                tolerance=1e-9)
@@ -46,13 +44,17 @@ def run(quick: bool) -> Findings:
     answers += [
         Answer(label="time at which it stops", value=found[-1].time, reference=STOP,
                tolerance=1e-3),
-        Answer(label="time: error falls by, at twice the steps", value=off[0] / off[1],
-               reference=4.0, tolerance=2e-2, recorded=False),
         Answer(label="creep after it", value=abs(float(last.motion.u[0] - found[-1].motion.u[0])),
                tolerance=1e-14, recorded=False),
         Answer(label="velocity after it", value=abs(float(last.motion.v[0])), tolerance=1e-12,
                recorded=False),
     ]  # fmt: skip
+    if not quick:
+        finer, _ = turns(200)
+        off = [abs(states[-1].time / STOP - 1.0) for states in (found, finer)]
+        answers.append(Answer(label="time: error falls by, at twice the steps",
+                              value=off[0] / off[1], reference=4.0, tolerance=2e-2,
+                              recorded=False))  # fmt: skip
     return Findings(answers=answers)
 
 

@@ -26,6 +26,9 @@ RIGHT: dict[str, Integrator] = {
     "central difference": CentralDifference(),
 }
 
+QUICK = ("generalised-alpha", "central difference")
+"""What a quick run qualifies: one that is implicit and one that is not."""
+
 
 class StaleAcceleration(ImplicitStepper):
     """Keeps the acceleration of the step before."""
@@ -127,9 +130,10 @@ def run(quick: bool) -> Findings:
         Answer(label=f"{name}: checks failed", value=len(failures(check_integrator(integrator))),
                tolerance=0.0)
         for name, integrator in RIGHT.items()
+        if name in QUICK or not quick
     ]  # fmt: skip
     for what, (integrator, name) in WRONG.items():
-        hit = float(name in failures(check_integrator(integrator)))
+        hit = float(name in failures(check_integrator(integrator, names=[name])))
         answers.append(Answer(label=f"{what}: caught by '{name}'", value=hit, reference=1.0))
     return Findings(answers=answers)
 
