@@ -104,5 +104,6 @@ def _path(model: Model, ends: tuple[Vector, Vector], pieces: int, thickness: flo
         section=cross_section(thickness, 24 if thickness else 1, model.dim),
         lateral_stiffness=LATERAL_STIFFNESS,
         spacing=float(np.linalg.norm(end - start)) / pieces,
+        inward=direction,
     )
     return straight_path(instrument, SharedResponses(model), pieces)

@@ -8,7 +8,7 @@ from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import broyden, root_between
 from needlefem.insertion.equations import Solution, StepEquations
-from needlefem.insertion.step import not_found
+from needlefem.insertion.step import not_found, smallest_turning
 
 PEAK = 1e-4
 """Part of a piece to which the path's largest depth is found."""
@@ -22,6 +22,13 @@ LITTLE = 0.25
 """Depth gained in half of a piece, over that in the half before, below which it may fall."""
 GAIN = 1e-9
 """Depth to be gained on the way to the largest that is worth a step, m."""
+
+
+class _NotCutError(Exception):
+    """No equilibrium at the cutting force was found at a length of the growing piece (m)."""
+
+    def __init__(self, length: float) -> None:
+        self.length = length
 
 
 def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | None:
@@ -78,8 +85,21 @@ def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution
 
     found = broyden(evaluate, begin, np.eye(len(begin)), near)
     if found is None:
-        raise SimulationError(not_found(length, equations.track.vertices[-1]))
+        raise _not_found(equations, length, depth)
     return found
+
+
+def _not_found(equations: StepEquations, length: float, depth: float) -> SimulationError:
+    """Return the error of a piece of which no length is in equilibrium at a depth."""
+    begin, count = _sideways(equations, length), equations.track.count
+
+    def solved(sideways: Floats) -> Solution:
+        position = equations.at_point(_ahead(equations, length, sideways), count)
+        return equations.solve(position, depth, -np.inf, np.inf)
+
+    turning = smallest_turning(lambda sideways: solved(sideways).beside, begin, length)
+    limit = equations.front().cutting_force
+    return SimulationError(not_found(length, equations.track.vertices[-1], turning, limit))
 
 
 def land(equations: StepEquations, high: float, depth: float, low: float | None = None) -> Solution:
@@ -161,19 +181,41 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
             step = peak
     if step is None or step.depth <= start + GAIN:
         return None
-    high = step.position.length
-    if step.depth <= depth:
-        return step
+    return step if step.depth <= depth else _cut_to_depth(equations, step, depth)
 
-    def beyond(length: float) -> float:
+
+def _cut_to_depth(equations: StepEquations, beyond: Solution, depth: float) -> Solution | None:
+    """Return the forces with a tip that has cut on to a depth, on its way beyond it.
+
+    Parameters
+    ----------
+    equations : StepEquations
+    beyond : Solution
+        With the tip beyond the depth.
+    depth : float, m
+
+    Returns
+    -------
+    Solution, or None: the tip runs ahead at once, for its force would be beyond that of cutting if
+    the path were longer at the depth of now.
+    """
+    start, track = equations.depth, equations.track
+    low, high = track.length - track.arcs[-1], beyond.position.length
+
+    def missed(length: float) -> float:
         if length == low:
             return start - depth
         found = cut_to(equations, length, depth)
         if found is None:
-            raise SimulationError(not_found(length, track.vertices[-1]))
+            raise _NotCutError(length)
         return found.depth - depth
 
-    return cut_to(equations, root_between(beyond, low, high, 1e-12 * high), depth)
+    try:
+        return cut_to(equations, root_between(missed, low, high, 1e-12 * high), depth)
+    except _NotCutError as error:
+        if run_ahead(equations, error.length, start).excess > 0.0:
+            return None
+        raise _not_found(equations, error.length, depth) from error
 
 
 def _may_fall(equations: StepEquations, step: Solution, low: float, high: float) -> bool:

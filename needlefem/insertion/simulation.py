@@ -280,6 +280,7 @@ class Simulation:
             section=section,
             lateral_stiffness=needle.lateral_stiffness,
             spacing=numbers.path_spacing,
+            inward=entry.inward,
         )
 
     def insert(

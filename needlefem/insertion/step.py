@@ -1,11 +1,13 @@
 """One step along the cut path: where the tip is next, and at which depth."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from needlefem.arrays import Floats, Vector
+from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.skin import place_text
 from needlefem.insertion.guide import Guide, LastStep
 from needlefem.needle.axis import Axis
@@ -22,6 +24,11 @@ STEEPEST = 0.9
 MOST_ITERATIONS = 40
 ROUND_OFF = 1e-14
 """Distance from the requested depth to which the last step is solved, m."""
+LEAST_TURNING = 0.25
+"""Lateral displacement of the tip over that on its path below which its direction is lost."""
+DIFFERENCE = 0.05
+"""Lateral displacement, over the length of the step, to look at that."""
+PLANE = 2
 FEW_ITERATIONS = 10
 """Of a step whose length is solved for as well; a good guess takes five."""
 
@@ -80,12 +87,59 @@ class NoEquilibriumError(Exception):
     """No step of this length was found."""
 
 
-def not_found(length: float, last: Vector) -> str:
-    """Return what to say when no step of a length (m) from a material point (m) was found."""
-    return (
+def not_found(length: float, last: Vector, turning: float, limit: float) -> str:
+    """Return what to say when no step of a length (m) from a material point (m) was found.
+
+    Parameters
+    ----------
+    length : float, m
+    last : array, shape (dim,), m
+    turning : float
+        Lateral displacement of the tip's material over that of the tip on its path, at the
+        direction that was expected: 1 in rigid tissue, 0 where strained tissue leaves no direction.
+    limit : float, N (N/m in 2D)
+        Cutting force there.
+    """
+    sentence = (
         f"no equilibrium was found with the tip {1e3 * length:.3g} mm beyond {place_text(last)} of "
-        "the tissue; shorten discretisation.path_spacing or refine the mesh along the needle"
+        "the tissue; "
     )
+    if not turning < LEAST_TURNING:
+        return sentence + (
+            "shorten discretisation.path_spacing or refine the mesh along the needle"
+        )
+    unit = "N/m" if len(last) == PLANE else "N"
+    return sentence + (
+        "the tissue at the tip is strained beyond what small strain describes: lower the cutting "
+        f"force there, to about {0.5 * limit:.3g} {unit}, or take a stiffer tissue"
+    )
+
+
+def smallest_turning(beside: Callable[[Floats], Floats], sideways: Floats, length: float) -> float:
+    """Return the smallest derivative of the tip's lateral place to its lateral place on the path.
+
+    Parameters
+    ----------
+    beside : callable
+        Takes the tip's place across the axis, shape (dim - 1,), m; returns its lateral distance
+        from the axis, in the same way.
+    sideways : array, shape (dim - 1,), m
+    length : float, m
+        Of the step, which scales the differences.
+
+    Returns
+    -------
+    Real part of the smallest eigenvalue; NaN where there is no tissue.
+    """
+    change = DIFFERENCE * length
+    try:
+        columns = [
+            (beside(sideways + change * unit) - beside(sideways - change * unit)) / (2.0 * change)
+            for unit in np.eye(len(sideways))
+        ]
+    except OutsideError:
+        return float("nan")
+    return float(np.linalg.eigvals(np.column_stack(columns)).real.min())
 
 
 class StepSolver:
@@ -168,7 +222,11 @@ class StepSolver:
             error = new.residual - step.residual - jacobian @ change
             jacobian = jacobian + error[:, None] * (change / (change @ change))
             sideways, step = wanted, new
-        raise NoEquilibriumError(not_found(length, last))
+        begin = slope * length
+        turning = smallest_turning(
+            lambda across: self._try(start, length, across, depth).residual, begin, length
+        )
+        raise NoEquilibriumError(not_found(length, last, turning, step.cutting_force))
 
     def solve_to(self, last: Vector, depth: float, length: float, rate: float) -> Step | None:
         """Find the step that ends at a depth: its length together with its direction.

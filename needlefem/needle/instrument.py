@@ -7,11 +7,13 @@ import numpy as np
 
 from needlefem.arrays import Floats, Ints, Points, Vector
 from needlefem.elements.quadrature import gauss_legendre
-from needlefem.fem.interpolation import Follower, Interpolation, Weights
+from needlefem.fem.interpolation import Follower, Interpolation, OutsideError, Weights
 from needlefem.needle.axis import Axis
 from needlefem.needle.kernel import Kernel
 from needlefem.pickling import Lasting
 
+ROUND_OFF = 1e-12
+"""Distance outside the skin, relative to the spacing, that is none."""
 PIECE_POINTS = 5
 """Gauss points on a piece of the cut path; more change nothing at h >= spacing / 3."""
 
@@ -38,6 +40,8 @@ class Instrument(Lasting):
         Of the hold on the axis per length of cut path.
     spacing : float, m
         Length of the pieces of the cut path.
+    inward : array, shape (dim,)
+        Unit normal of the skin at the entry that points into the tissue.
     """
 
     axis: Axis
@@ -48,6 +52,7 @@ class Instrument(Lasting):
     section: tuple[Points, Floats]
     lateral_stiffness: float
     spacing: float
+    inward: Vector
 
     @cached_property
     def piece_rule(self) -> tuple[Floats, Floats, Floats]:
@@ -87,9 +92,14 @@ class Instrument(Lasting):
         """Return the means over the pieces of a path between its vertices, shape (n, dim), m."""
         share, offsets, weights = self.piece_rule
         ahead = np.diff(vertices, axis=0)[:, None]
+        under = (vertices[:-1] - self.axis.entry) @ self.inward
+        heights = under[:, None] + offsets @ self.inward
+        heights[heights >= -ROUND_OFF * self.spacing] = 0.0
+        low = _share_outside(heights, ahead @ self.inward)
+        share = low[..., None] + (1.0 - low[..., None]) * share
         points = (vertices[:-1, None] + share * ahead + offsets).reshape(-1, vertices.shape[1])
         rows = np.repeat(np.arange(len(ahead)), len(weights))
-        return self.interpolation.means(points, np.tile(weights, len(ahead)), rows, len(ahead))
+        return self.interpolation.means(points, ((1.0 - low) * weights).ravel(), rows, len(ahead))
 
     def cutting_force_at(self, weights: Weights) -> float:
         """Return the cutting force, averaged over the kernel (row 0), N (N/m in 2D)."""
@@ -115,6 +125,12 @@ class _Behind:
         self._weights: Floats = np.zeros(0)
         rows = np.repeat([0, 1], [count, len(share)])
         self._follower = Follower(instrument.interpolation, rows, 2)
+        self._inward = instrument.inward
+        self._heights = self._piece_offsets @ instrument.inward
+        self._skin = float(instrument.inward @ instrument.axis.entry)
+        self._wholly_inside = (
+            self._skin - float(self._heights.min()) - ROUND_OFF * instrument.spacing
+        )
         self._nodes: Ints | None = None
         self._resistances: Floats = np.zeros((0, 2))
 
@@ -125,10 +141,28 @@ class _Behind:
             self._kernel = kernel
             self._offsets = np.concatenate([kernel, self._piece_offsets])
             self._weights = np.concatenate([weights, self._piece_weights])
-        points = self._share * (point - last)
+        share, weights = self._share, self._weights
+        height = float(self._inward @ last)
+        if height < self._wholly_inside:
+            share, weights = self._cut(point, last, height - self._skin)
+        points = share * (point - last)
         points += last
         points += self._offsets
-        return self._follower.means(points, self._weights)
+        return self._follower.means(points, weights)
+
+    def _cut(self, point: Vector, last: Vector, under: float) -> tuple[Floats, Floats]:
+        """Return shares and weights of points on the part of the piece that is in the tissue."""
+        count = len(self._share) - len(self._heights)
+        rise = float(self._inward @ (point - last))
+        low = _share_outside(under + self._heights, rise)
+        share, weights = self._share.copy(), self._weights.copy()
+        share[count:, 0] = low + (1.0 - low) * share[count:, 0]
+        weights[count:] *= 1.0 - low
+        total = float(weights[count:].sum())
+        if total <= 0.0:
+            raise OutsideError
+        weights[count:] /= total
+        return share, weights
 
     def resistance(self, weights: Weights) -> tuple[float, float]:
         """See `Instrument`."""
@@ -137,3 +171,21 @@ class _Behind:
             self._resistances = np.column_stack([field[self._nodes] for field in self._fields])
         found = weights.rows @ self._resistances
         return float(found[0, 0]), float(found[1, 1])
+
+
+def _share_outside(heights: Floats, rise: Floats | float) -> Floats:
+    """Return which part of lines along a piece lies outside the skin.
+
+    A quadrature rule over the rest of every line moves smoothly with the tip, where points that
+    are left out one by one would make the needle's answer jump.
+
+    Parameters
+    ----------
+    heights : array, m
+        Of the lines' beginnings in the tissue, from the skin on.
+    rise : array of a shape that broadcasts to it, or float, m
+        Of the piece, in the same direction.
+    """
+    outside, rising = np.maximum(-heights, 0.0), np.maximum(rise, np.finfo(float).tiny)
+    found: Floats = np.minimum(outside / rising, 1.0)
+    return found

@@ -10,7 +10,7 @@ from needlefem.insertion.ledger import ledger
 from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.step import StepSolver
+from needlefem.insertion.step import StepSolver, not_found, smallest_turning
 from needlefem.insertion.validity import validity
 from needlefem.scene import Scene, Support, vary
 
@@ -276,3 +276,18 @@ def test_a_march_nearby_predicts_the_last_step(organ: Scene) -> None:
     alone = Simulation(organ, simulation.model)
     found = alone.insert(alone.entry_through(beside))
     assert guided.tips[-1] == pytest.approx(found.tips[-1], abs=1e-11)
+
+
+def test_the_smallest_turning_of_two_lateral_directions() -> None:
+    matrix = np.array([[1.0, 0.3], [0.1, 0.2]])
+    found = smallest_turning(lambda across: matrix @ across + 1e-4, np.array([1e-3, 0.0]), 2e-3)
+    assert found == pytest.approx(min(np.linalg.eigvals(matrix)))
+
+
+def test_a_step_without_equilibrium_names_its_remedy() -> None:
+    plane, space = np.array([0.01, 0.02]), np.array([0.01, 0.02, 0.03])
+    strained = not_found(1e-3, space, 0.1, 3.0)
+    assert "lower the cutting force there, to about 1.5 N, " in strained
+    assert "1.5 N/m" in not_found(1e-3, plane, -1.0, 3.0)
+    assert "path_spacing" in not_found(1e-3, plane, 0.9, 3.0)
+    assert "path_spacing" in not_found(1e-3, plane, float("nan"), 3.0)

@@ -85,6 +85,7 @@ def push(model: Model, direction: np.ndarray, scene: Scene, across: float = 0.01
         section=cross_section(3e-3, 60, 3),
         lateral_stiffness=1e6,
         spacing=2e-3,
+        inward=inward,
     )
     march = March(instrument, SharedResponses(model), 0.025)
     assert len(list(march.iterate())) > 8
