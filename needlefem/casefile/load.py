@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.expectations import read_expectations
+from needlefem.casefile.meshunit import refuse_wrong_unit
 from needlefem.casefile.openkeys import refuse_open
 from needlefem.casefile.reader import Reader
 from needlefem.casefile.tables import Table, required, table, tables
@@ -15,6 +16,7 @@ from needlefem.frame import Frame
 from needlefem.inputfile import read_text
 from needlefem.scene import (
     Discretisation,
+    FileMesh,
     Limits,
     Motion,
     Needle,
@@ -127,7 +129,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
     mesh = reader.mesh(table(data, "mesh"))  # before the regions, which may be groups of it
     regions = {n: reader.region(t, n) for n, t in tables(data, "regions").items()}
     obstacles = tables(data, "obstacles")
-    return Scene(
+    scene = Scene(
         title=data.get("title", "untitled"),
         axes=axes,
         mesh=mesh,
@@ -151,6 +153,9 @@ def read_scene(data: Table, folder: Path) -> Scene:
         expect=read_expectations(data.get("expect", []), axes),
         frame=reader.fill(Frame, data["frame"], "frame") if "frame" in data else None,
     )
+    if reader.file_mesh is not None and isinstance(mesh, FileMesh):
+        refuse_wrong_unit(scene, reader.file_mesh, mesh.unit)
+    return scene
 
 
 def _axes(data: Table) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ class Reader:
 
     def __init__(self, dim: int, folder: Path, axes: Sequence[str] | None = None) -> None:
         self.dim, self.folder, self.axes = dim, folder, axes
-        self._mesh: SkfemMesh | None = None
+        self.file_mesh: SkfemMesh | None = None
 
     def fill(self, cls: type, table: Any, prefix: str, **given: Any) -> Any:
         """Return an instance of `cls`; `given` fields are not looked for in the table."""
@@ -48,7 +48,7 @@ class Reader:
             rest = {key: value for key, value in table.items() if key != "file"}
             path = self.folder / path_of(table["file"], "mesh.file")
             from_file: FileMesh = self.fill(FileMesh, rest, "mesh", path=path)
-            self._mesh = read_mesh(path, from_file.unit)
+            self.file_mesh = read_mesh(path, from_file.unit)
             return from_file
         box: BoxMesh = self.fill(BoxMesh, table, "mesh")
         return box
@@ -74,9 +74,9 @@ class Reader:
         """Read [regions.NAME]: a group of the mesh file, or a contour's file and offset."""
         prefix = f"regions.{name}"
         rest = {key: value for key, value in table.items() if key not in CONTOUR_KEYS}
-        if "group" in table and self._mesh is not None:
+        if "group" in table and self.file_mesh is not None:
             group = text_of(table, "group", prefix)
-            around = outline(self._mesh, group_cells(self._mesh, group, f"{prefix}.group"))
+            around = outline(self.file_mesh, group_cells(self.file_mesh, group, f"{prefix}.group"))
             of_group: Region = self.fill(Region, rest, prefix, contour=around)
             return of_group
         inside: Region = self.fill(Region, rest, prefix, contour=self._contour(table, prefix))
@@ -122,9 +122,9 @@ class Reader:
 
     def _refuse_parts(self, region: Region, name: str, key: str) -> None:
         """Refuse a group of several parts: an obstacle has one outline."""
-        if region.group is None or self._mesh is None:
+        if region.group is None or self.file_mesh is None:
             return
-        count = parts(self._mesh, group_cells(self._mesh, region.group, key))
+        count = parts(self.file_mesh, group_cells(self.file_mesh, region.group, key))
         if count > 1:
             problem = f"the group of region {short(name)} has {count} parts that are not joined"
             remedy = "make each part a group, a region and an obstacle of its own"

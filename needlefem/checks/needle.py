@@ -9,7 +9,7 @@ from needlefem.checks.result import CheckResult
 from needlefem.fem.mesh import cell_sizes
 from needlefem.fem.model import Model
 from needlefem.fem.skin import Entry
-from needlefem.scene import Scene
+from needlefem.scene import BoxMesh, Scene
 
 SAMPLES = 200
 """Points of the needle's line at which cells are looked up."""
@@ -48,12 +48,15 @@ def needle_resolution(simulation: NeedleInTissue, entry: Entry) -> CheckResult:
     """
     radius, largest = simulation.scene.needle.tip_radius, sizes_along(simulation, entry)
     size = float(largest.max(initial=0.0)) if largest.size else np.inf
+    if isinstance(simulation.scene.mesh, BoxMesh):
+        finer = f'set mesh.refine.corridor_size to "{5e2 * radius:.2g} mm"'
+    else:
+        finer = "make the mesh file finer there, or check mesh.unit"
     return CheckResult(
         name="needle resolution",
         requirement="elements along the needle are at most four tip radii large",
         value=size / radius,
         bound=4.0,
         remedy=f"the elements there have up to {1e3 * size:.3g} mm, the tip's radius is "
-        f'{1e3 * radius:.3g} mm: set mesh.refine.corridor_size to "{5e2 * radius:.2g} mm", '
-        "or make the mesh file finer there",
+        f"{1e3 * radius:.3g} mm: {finer}",
     )

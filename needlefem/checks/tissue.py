@@ -1,9 +1,13 @@
 """Properties of a discretised tissue: patch test, null space, reciprocity, energy identity."""
 
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+
 import numpy as np
 
 from needlefem.arrays import Floats, SkfemMesh
 from needlefem.checks.result import CheckResult
+from needlefem.contour import Contour
 from needlefem.elements import ElementRow
 from needlefem.fem.cellmap import cell_corners, cell_measures, corner_jacobians
 from needlefem.fem.model import Model
@@ -231,6 +235,35 @@ def cell_shape(model: Model) -> CheckResult:
         value=float(np.max(flatness)),
         bound=1e4,
     )
+
+
+def overlaps(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> Iterator[str]:
+    """Yield a sentence for regions that overlap by more than a cell, neither in the other.
+
+    A region inside an earlier one is meant to replace it there and is not told.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+    contours : mapping of str to Contour
+        Of the regions, in the order of the case.
+    """
+    centroids: Floats | None = None
+    for (one, first), (other, second) in combinations(contours.items(), 2):
+        low = np.maximum(first.points.min(axis=0), second.points.min(axis=0))
+        high = np.minimum(first.points.max(axis=0), second.points.max(axis=0))
+        if np.any(low >= high):
+            continue
+        if centroids is None:
+            centroids = mesh.p[:, mesh.t].mean(axis=1).T
+        later = second.contains(centroids)
+        both = later & first.contains(centroids)
+        if np.count_nonzero(both) > 1 and np.count_nonzero(later & ~both) > 1:
+            area = 1e6 * float(cell_measures(mesh)[both].sum())
+            yield (
+                f"regions '{one}' and '{other}' overlap in {np.count_nonzero(both)} cells "
+                f"({area:.3g} mm^2), which belong to '{other}', the later one"
+            )
 
 
 def preflight(model: Model) -> tuple[CheckResult, ...]:

@@ -1,20 +1,26 @@
-"""Options and ``--set`` keys that a command would ignore are refused, with the reason.
+"""Options and ``--set`` keys that a command would ignore are refused; keys of a file are told.
 
 A value that changes nothing looks like a result that does not depend on it.
 """
 
 import argparse
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
 from needlefem.errors import CaseError
 from needlefem.resolve import resolve
-from needlefem.scene import DYNAMIC, BoxMesh, Scene, canonical
+from needlefem.scene import DYNAMIC, BoxMesh, Scene, canonical, field_of
+from needlefem.tomltext import dotted_key
 
+FOLDER = "results are written to --out DIR"
+PICTURES = "a plan alone has pictures to choose from"
 STAGES = "a plan pushes the needle once; run carries stages out"
 UNUSED: Mapping[str, Mapping[str, str]] = {
     "run": {
         "planning": "'run' does not plan",
         "targets": "only 'study targets' and others draw targets",
+        "outputs.folder": FOLDER,
+        "outputs.pictures": PICTURES,
     },
     "plan": {
         "motion.entry": "a plan chooses the entry; move target.point or give motion.direction",
@@ -22,12 +28,15 @@ UNUSED: Mapping[str, Mapping[str, str]] = {
         "motion.times": STAGES,
         "motion.depths": STAGES,
         "targets": "only 'study targets' and others draw targets",
+        "outputs.folder": FOLDER,
     },
     "modes": {
         "needle": "modes are those of the tissue without a needle",
         "damping": "modes are those of undamped tissue",
         "planning": "'modes' does not plan",
         "targets": "'modes' does not plan",
+        "outputs.folder": FOLDER,
+        "outputs.pictures": PICTURES,
     },
 }
 """By command: beginnings of the keys that change nothing in it, and why."""
@@ -51,6 +60,32 @@ def refuse_unused_keys(scene: Scene, command: str) -> None:
         for unused, why in reasons:
             if key == unused or key.startswith(f"{unused}."):
                 raise CaseError(f"--set {given}", f"would be ignored: {why}", "leave it out")
+
+
+def unused_keys(scene: Scene, command: str) -> list[str]:
+    """Return a sentence for each value of the case that other values leave without effect.
+
+    Keys that another command uses are no reason for one: a case is read by all of them. A value
+    that is the default changes nothing and is not told.
+    """
+    reasons = [("outputs.folder", FOLDER), *_without_effect(scene, command)]
+    return [
+        f"{key} has no effect: {why}"
+        for key, why in dict(reasons).items()
+        if key not in map(canonical, scene.overrides) and _differs(scene, key)
+    ]
+
+
+def _differs(scene: Scene, key: str) -> bool:
+    """Say whether a field of a scene has another value than its default."""
+    table, _, name = key.rpartition(".")
+    owner = field_of(scene, table) if table else scene
+    for field in dataclasses.fields(owner):
+        if field.name == name:
+            if field.default_factory is not dataclasses.MISSING:
+                return bool(getattr(owner, name) != field.default_factory())
+            return bool(getattr(owner, name) != field.default)
+    return False
 
 
 def refuse_unused_options(options: argparse.Namespace, rules: Sequence[tuple[str, str]]) -> None:
@@ -77,11 +112,25 @@ def _without_effect(scene: Scene, command: str) -> Iterator[tuple[str, str]]:
         yield "needle.weakening_length", "static friction is kinetic friction here"
     if chosen.needle.tip == "point":
         yield "discretisation.kernel_points", "a point has no kernel"
-    if isinstance(chosen.mesh, BoxMesh) and chosen.mesh.refine.corridor_size == 0.0:
-        for part in ("corridor_width", "corridor_depth"):
-            yield f"mesh.refine.{part}", "mesh.refine.corridor_size is 0"
+    yield from _of_meshes(chosen)
+    if command == "plan" and not chosen.obstacles:
+        yield "planning.directions", "no obstacle makes a plan turn"
     if chosen.planning.accuracy == 0.0:
         yield "planning.max_unknowns", "planning.accuracy is 0"
+
+
+def _of_meshes(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Yield element sizes that this mesh does not use."""
+    mesh = scene.mesh
+    if not isinstance(mesh, BoxMesh):
+        for name in scene.regions:
+            yield dotted_key(["regions", name, "contour_size"]), "the mesh is from a file"
+        return
+    if mesh.refine.corridor_size == 0.0:
+        for part in ("corridor_width", "corridor_depth"):
+            yield f"mesh.refine.{part}", "mesh.refine.corridor_size is 0"
+    if not scene.regions:
+        yield "mesh.refine.contour_size", "there are no regions"
 
 
 def _has_stages(scene: Scene) -> bool:

@@ -33,6 +33,9 @@ COMMANDS = {
     "info": "say what is installed, for bug reports",
 }
 
+LONGEST_ERROR = 400
+"""Characters of a usage error that are shown."""
+
 
 def process() -> NoReturn:
     """Run the command line as a process of its own, and end it with the exit status.
@@ -130,9 +133,21 @@ def _warning_text(message: Warning | str, *_: object, **__: object) -> str:
     return f"needlefem: warning: {message}\n"
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are two lines: what is wrong, and where the options are listed."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the process with a usage error."""
+        text = " ".join(message.split())
+        shown = text if len(text) <= LONGEST_ERROR else f"{text[: LONGEST_ERROR - 3]}..."
+        streams.tell(f"{self.prog}: {shown}")
+        streams.tell(f"'{self.prog} --help' lists what can be given")
+        raise SystemExit(2)
+
+
 def parser_of(given: Sequence[str] = ()) -> argparse.ArgumentParser:
     """Return the parser of all commands; with arguments, the options of their command alone."""
-    parser = argparse.ArgumentParser(prog="needlefem", description=__doc__.splitlines()[0])
+    parser = Parser(prog="needlefem", description=__doc__.splitlines()[0])
     parser.set_defaults(debug=False)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, sentence in COMMANDS.items():

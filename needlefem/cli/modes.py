@@ -8,8 +8,8 @@ import numpy as np
 
 from needlefem.arrays import Floats
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import result_of, say, say_json, undrawn
-from needlefem.cli.ignored import refuse_unused_keys
+from needlefem.cli.common import result_of, say, say_json, undrawn, warn
+from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.dynamics import TissueSystem, critical_step
 from needlefem.dynamics.modes import modes
 from needlefem.errors import CaseError, NoRendererError
@@ -35,6 +35,7 @@ def main(options: argparse.Namespace) -> int:
         say_json(record)
     else:
         say(_table(record).text())
+        warn(unused_keys(read, "modes"))
         if result is not None and not options.no_pictures and missing is None:
             say(f"wrote {result.path / PICTURE}")
     if missing is not None:

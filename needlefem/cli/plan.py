@@ -15,7 +15,7 @@ from needlefem.cli.common import (
     undrawn,
     warn,
 )
-from needlefem.cli.ignored import refuse_unused_keys
+from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.output.expectations import expect_record, judged
 from needlefem.output.files import write_json
 from needlefem.output.records import origin, plan_record
@@ -39,6 +39,7 @@ def main(options: argparse.Namespace) -> int:
         watch = progress("planning")
         found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
         record = with_scanner(origin(scene) | plan_record(found), scene)
+        record["warnings"] = [*record.get("warnings", ()), *unused_keys(scene, "plan")]
         expected, why = judged(scene, record, "plan")
         record |= expect_record(expected, why)
         if result is not None:
@@ -96,7 +97,7 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
         _accuracy(found.evidence)
         seconds = sum(found.evidence.timings.values())
         say(f"  {seconds:.2f} s, without: {', '.join(record['skipped'])}")
-        warn(found.evidence.warnings)
+    warn(record["warnings"])
 
 
 def _accuracy(evidence: Evidence) -> None:

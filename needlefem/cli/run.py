@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from needlefem.casefile.load import load_case
+from needlefem.checks.tissue import overlaps
 from needlefem.cli.common import (
     GOOD,
     centimetres,
@@ -16,7 +17,7 @@ from needlefem.cli.common import (
     undrawn,
     warn,
 )
-from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options
+from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options, unused_keys
 from needlefem.errors import NoRendererError
 from needlefem.insertion.discretised import Discretised, discretised
 from needlefem.insertion.ledger import ledger
@@ -92,6 +93,7 @@ def _moved(
     record = origin(scene) | insertion_record(insertion)
     record |= {"discretisation": dataclasses.asdict(on)}
     record = with_scanner(record | _measures(simulation, insertion), scene)
+    record["warnings"] += unused_keys(scene, "run")
     expected, why = judged(scene, record, "run")
     record |= expect_record(expected, why)
     return insertion, record, expected
@@ -119,6 +121,7 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     energies = ledger(insertion)
     strains = validity(insertion, len(insertion.states) - 1)
     warnings = [*simulation.warnings, *strains.warnings()]
+    warnings += overlaps(simulation.model.mesh, simulation.scene.contours)
     deepest = max(float(insertion.depths.max()), 0.0)
     passed = passings(insertion.scene, insertion.axis, deepest)
     warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from needlefem.arrays import Vector
+from needlefem.checks.tissue import overlaps
 from needlefem.errors import CaseError
 from needlefem.insertion.discretised import discretised
 from needlefem.insertion.ledger import ledger
@@ -117,6 +118,7 @@ def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
     simulation, found = made.simulation, made.plan
     insertion, energies, strains = found.insertion, None, None
     warnings = [*simulation.warnings, *_loose(simulation.scene)]
+    warnings += overlaps(simulation.model.mesh, simulation.scene.contours)
     missing = {"estimate": made.not_estimated} if made.not_estimated else {}
     if found.best is None:
         missing |= dict.fromkeys(("energy", "validity"), "there is no release")

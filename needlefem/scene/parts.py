@@ -341,6 +341,11 @@ class Scene(Shown, Validated):
         """Number of space dimensions."""
         return len(self.axes)
 
+    @property
+    def contours(self) -> dict[str, Contour]:
+        """Contours of the regions that are no groups of a mesh file, in the case's order."""
+        return {n: region.contour for n, region in self.regions.items() if region.group is None}
+
     def check(self) -> None:
         """See `Validated`: names that must exist, and one number for each axis."""
         if self.dim not in (2, 3) or len(set(self.axes)) != self.dim or not all(self.axes):

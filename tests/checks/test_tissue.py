@@ -6,9 +6,10 @@ from skfem import Basis, ElementVector
 
 from needlefem.checks import tissue
 from needlefem.checks.modal import eigenfrequencies
+from needlefem.contour import Contour
 from needlefem.elements import CATALOGUE
 from needlefem.fem.assembly import stiffness
-from needlefem.fem.build import build_model
+from needlefem.fem.build import build_mesh, build_model
 from needlefem.fem.model import Model
 from needlefem.resolve import with_element
 from needlefem.scene import Scene, vary
@@ -94,3 +95,19 @@ def test_probes_keep_off_what_is_held(model: Model) -> None:
     model.free_dofs = np.setdiff1d(model.free_dofs, bone)
     assert tissue.reciprocity(model).passed
     assert tissue.energy_identity(model).passed
+
+
+def square(low: float, high: float) -> Contour:
+    return Contour(np.array([[low, low], [high, low], [high, high], [low, high]]))
+
+
+def test_regions_that_overlap_are_named(gel: Scene) -> None:
+    mesh = build_mesh(gel)
+    whole, corner = square(0.006, 0.03), square(0.021, 0.045)
+    (said,) = tissue.overlaps(mesh, {"one": whole, "other": corner})
+    assert said == (
+        "regions 'one' and 'other' overlap in 18 cells (81 mm^2), which belong to 'other', "
+        "the later one"
+    )
+    apart, inside = square(0.03, 0.045), square(0.012, 0.024)
+    assert not [*tissue.overlaps(mesh, {"one": whole, "apart": apart, "inside": inside})]

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from needlefem.casefile.load import load_case
+from needlefem.cli.ignored import unused_keys
 from needlefem.cli.main import main
 from needlefem.output.expectations import KEYS, LIST, TABLE, VALUE
+from needlefem.scene import Rayleigh, vary
 from tests.conftest import PAPER_CASE, ROOT
 
 LIVER = str(ROOT / "cases" / "liver" / "case.toml")
@@ -175,6 +178,11 @@ def test_expectations_of_another_case_are_not_compared(
         (("run", CASE, "--set", 'mesh.refine.corridor_width="1 mm"'), "corridor_size is 0"),
         (("plan", CASE, "--set", "planning.max_unknowns=9"), "planning.accuracy is 0"),
         (("modes", CASE, "--set", 'needle.tip_radius="3 mm"'), "without a needle"),
+        (("run", CASE, "--set", 'outputs.pictures=["depth"]'), "a plan alone has pictures"),
+        (("run", CASE, "--set", "outputs.folder=there"), "are written to --out DIR"),
+        (("plan", CASE, "--set", "outputs.folder=there"), "are written to --out DIR"),
+        (("modes", CASE, "--set", "outputs.folder=there"), "are written to --out DIR"),
+        (("plan", CASE, "--set", "planning.directions=[[0.1, 1.0]]"), "no obstacle makes a plan"),
         (("study", "energy", CASE, "--on", CASE), "--on: would be ignored: study 'energy'"),
         (("verify", "s01_patch", "--element", "P1"), "s01_patch: would be ignored"),
         (("verify", "--element", "P1", "--quick"), "--quick: would be ignored"),
@@ -191,6 +199,46 @@ def test_what_would_be_ignored_is_refused(
     assert re.search(says, err), err
     assert not out
     assert len(err.splitlines()) == 1
+
+
+def test_keys_of_a_file_without_effect_are_told() -> None:
+    scene = load_case(CASE)
+    assert not unused_keys(scene, "plan")
+    changes = {
+        "mesh.refine.corridor_width": 1e-2, "mesh.refine.corridor_depth": 3e-2,
+        "needle.weakening_length": 1e-3, "planning.max_unknowns": 9, "outputs.folder": "there",
+        "planning.directions": ((0.1, 1.0),), "damping": Rayleigh(mass_rate=1.0),
+    }  # fmt: skip
+    told = unused_keys(vary(scene, changes), "plan")
+    assert {sentence.split()[0] for sentence in told} == set(changes)
+    assert all("has no effect: " in sentence for sentence in told)
+    used = {"mesh.refine.corridor_width": 1e-2, "mesh.refine.corridor_size": 5e-3}
+    assert not unused_keys(vary(scene, used), "plan")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "COMMAND"),
+        (("plot",), "invalid choice: 'plot'"),
+        (("plan",), "required: case"),
+        (("plan", CASE, "--serach", "grid"), "unrecognized arguments: --serach"),
+        (("plan", CASE, "--search", "x" * 5000), "invalid choice"),
+        (("run", CASE, "--snapshots", "three\nfour"), "invalid int value"),
+        (("bench", "plan", CASE, "--against"), "expected one argument"),
+    ],
+)
+def test_usage_errors_are_two_lines(
+    capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], says: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    lines = capsys.readouterr().err.splitlines()
+    assert ended.value.code == 2
+    assert len(lines) == 2
+    assert says in lines[0]
+    assert len(lines[0]) < 500
+    assert lines[1].endswith("--help' lists what can be given")
 
 
 def test_plan_without_solution_ends_with_3(capsys: pytest.CaptureFixture[str]) -> None:

@@ -178,3 +178,18 @@ def test_a_box_has_no_groups(tmp_path: Path) -> None:
     )
     with pytest.raises(CaseError, match="regions.organ.group: a box has no groups"):
         build_mesh(scene)
+
+
+@pytest.mark.parametrize("unit", ["1 m", "1 cm", "1 um"])
+def test_a_wrong_unit_is_named_with_the_right_one(tmp_path: Path, unit: str) -> None:
+    write(tmp_path / "square.msh")
+    load_case(case(tmp_path))
+    with pytest.raises(CaseError, match="mesh.unit: the mesh is .* mm in this unit") as caught:
+        load_case(case(tmp_path), [f"mesh.unit={unit}"])
+    assert 'unit = "1 mm"' in caught.value.remedy
+
+
+def test_a_unit_is_not_doubted_where_no_other_fits_better(tmp_path: Path) -> None:
+    write(tmp_path / "square.msh")
+    scene = load_case(case(tmp_path), ['motion.entry=["9 m", "0 m"]', 'needle.tip_radius="1 um"'])
+    assert scene.mesh.unit == 1e-3

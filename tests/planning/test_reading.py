@@ -6,7 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from needlefem.casefile.load import load_case
 from needlefem.errors import SimulationError
+from needlefem.fem.build import build_mesh
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.output.records import plan_record
@@ -17,7 +19,9 @@ from needlefem.planning.result import PlanStatus
 from needlefem.planning.studies import robust, targets
 from needlefem.planning.studies.common import carry_out
 from needlefem.scene import Scene, TargetDraw, vary
+from tests.conftest import ROOT
 
+FAULTS = ROOT / "tests" / "faults"
 BROKEN = Outcome(Status.NOT_CONVERGED, "no equilibrium at depth 0.01 m")
 Break = Callable[[Callable[[Simulation, float], bool]], None]
 
@@ -126,6 +130,25 @@ def test_studies_do_not_show_what_broke_off(organ: Scene, breaking: Break) -> No
     assert carry_out(organ, found) is None
     with pytest.raises(SimulationError, match="no plan to carry out"):
         robust.study(organ)
+
+
+def test_targets_lie_in_all_parts_of_a_group() -> None:
+    scene = load_case(FAULTS / "obstacle-of-parts" / "case.toml", ["obstacles={}"])
+    drawn = vary(scene, {"targets": TargetDraw(region="ribs", count=400, seed=1)})
+    points = targets.draw_targets(drawn)
+    mesh = build_mesh(scene)
+    cells = mesh.element_finder()(*points.T)
+    found, counts = np.unique(cells, return_counts=True)
+    assert set(found) <= set(mesh.subdomains["ribs"])
+    corners = mesh.p[:, mesh.t[:, mesh.subdomains["ribs"]]].transpose(2, 1, 0)
+    one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    mean = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
+    spread = points.std(axis=0) / np.sqrt(len(points))
+    assert np.all(np.abs(points.mean(axis=0) - mean) < 4.0 * spread)  # drawn evenly by area
+    assert counts.max() < 400
+    within = scene.regions["ribs"].contour.contains(points)
+    assert 0 < np.count_nonzero(within) < 400  # the contour is that of the largest part
 
 
 def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Points, Vector
+from needlefem.arrays import Ints, Points, SkfemMesh, Vector
 from needlefem.errors import CaseError
+from needlefem.fem.mesh import group_cells
+from needlefem.fem.meshfile import read_mesh
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, PlanStatus, Release
-from needlefem.scene import Scene
+from needlefem.scene import FileMesh, Scene
 from needlefem.table import Table
 
 
@@ -60,10 +62,18 @@ def _error(release: Release | None) -> str | float:
 
 
 def draw_targets(scene: Scene) -> Points:
-    """Return points drawn uniformly inside the region that the case names, shape (n, dim), m."""
+    """Return points drawn uniformly inside the region that the case names, shape (n, dim), m.
+
+    In a group of the mesh file they are drawn in its cells: in all of its parts, and in no hole.
+    """
     wanted = scene.targets
     if wanted is None:
         raise CaseError("targets", "missing", "add [targets] with a region, count and seed")
+    group = scene.regions[wanted.region].group
+    if group is not None and isinstance(scene.mesh, FileMesh):
+        mesh = read_mesh(scene.mesh.path, scene.mesh.unit)
+        cells = group_cells(mesh, group, f"regions.{wanted.region}.group")
+        return _in_cells(mesh, cells, wanted.count, np.random.default_rng(wanted.seed))
     contour = scene.regions[wanted.region].contour
     low, high = contour.points.min(axis=0), contour.points.max(axis=0)
     random = np.random.default_rng(wanted.seed)
@@ -73,6 +83,21 @@ def draw_targets(scene: Scene) -> Points:
         if contour.contains(point[None])[0]:
             found.append(point)
     return np.array(found)
+
+
+def _in_cells(mesh: SkfemMesh, cells: Ints, count: int, random: np.random.Generator) -> Points:
+    """Return points drawn uniformly in cells of a plane mesh, shape (count, 2), m."""
+    corners = mesh.p[:, mesh.t[:, cells]].transpose(2, 1, 0)
+    fans = [corners[:, [0, n, n + 1]] for n in range(1, corners.shape[1] - 1)]
+    triangles = np.concatenate(fans)  # of each cell: a quadrilateral is two of them
+    one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    areas = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+    chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
+    shares = random.uniform(size=(count, 2))
+    beyond = shares.sum(axis=1) > 1.0
+    shares[beyond] = 1.0 - shares[beyond]
+    found: Points = triangles[chosen, 0] + shares[:, :1] * one[chosen]
+    return found + shares[:, 1:] * other[chosen]
 
 
 def target_table(scene: Scene, targets: Points) -> TargetTable:
