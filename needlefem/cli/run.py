@@ -188,6 +188,12 @@ def _seed_line(seed: dict[str, Any]) -> str:
     error = "" if seed["placement_error"] is None else (
         f", {100 * seed['placement_error']:.3f} cm from the target"
     )  # fmt: skip
+    if seed["status"] == "not_placed":
+        return (
+            f"  nothing is placed, for the insertion broke off at a depth of "
+            f"{100 * seed['release_depth']:.3f} cm; released there it would rest at "
+            f"{centimetres(seed['placed_at'])}{error}"
+        )
     return (
         f"  {name}released at {centimetres(seed['released_at'])}, "
         f"depth {100 * seed['release_depth']:.3f} cm: {seed['status']}, "

@@ -195,7 +195,7 @@ class March:
         if len(self.states) <= FROM_PUNCTURE:
             return None
         before, last = self.states[-2:]
-        made, left = float(np.linalg.norm(last.tip - before.tip)), self.max_depth - last.depth
+        made, left = math.dist(last.tip, before.tip), self.max_depth - last.depth
         gained = last.depth - before.depth
         if made <= 0.0 or left * made >= SURE * gained * self.instrument.spacing:
             return None

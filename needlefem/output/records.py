@@ -9,7 +9,7 @@ import numpy as np
 from needlefem.arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.path import Reach
-from needlefem.insertion.result import Insertion, Ledger, Seed
+from needlefem.insertion.result import Insertion, Ledger, Seed, Status
 from needlefem.needle.axis import Axis
 from needlefem.planning.headline import Headline, headline
 from needlefem.planning.result import Barred, Evidence, Plan, Release
@@ -147,8 +147,12 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
 
 
 def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
-    """Return a seed: where the tip let it go, where it rests, and its distance to the target."""
+    """Return a seed: where the tip let it go, where it rests, and its distance to the target.
+
+    Where the insertion broke off nothing is placed: the seed is where it would rest.
+    """
     cut = insertion.puncture_depth is not None and reach.depth >= insertion.puncture_depth
+    ended = insertion.outcome.status in (Status.COMPLETED, Status.NOT_PUNCTURED)
     return {
         "name": "",
         "released_at": insertion.axis.tip(reach.depth),
@@ -158,7 +162,7 @@ def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
         "now_at": None,
         "from_rest": None,
         "placement_error": _error(reach.point, insertion.scene.target),
-        "status": "placed" if cut else "not_punctured",
+        "status": ("placed" if cut else "not_punctured") if ended else "not_placed",
     }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from needlefem.insertion.ledger import ledger
+from needlefem.insertion.march import March
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import Way
@@ -134,3 +135,34 @@ def test_an_exactly_straight_path_is_cut_as_well(gel: Scene, trapezoidal: bool) 
     assert energies.residual <= (1e-2 if trapezoidal else 1e-9)
     assert energies.given <= 1e-12
     assert energies.turnover == pytest.approx(energies.work)
+
+
+def test_path_following_ends_before_a_step_in_which_the_tip_would_give_energy(
+    organ: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In soft tissue that is hard to cut the tissue goes ahead of the tip: seen by the check."""
+    soft = vary(
+        organ,
+        {
+            "materials.gel.youngs_modulus": 3e3,
+            "needle.cutting_force": 80.0,
+            "needle.shaft_friction": 2e3,
+            "motion.max_depth": 0.035,
+        },
+    )
+    simulation = Simulation(soft)
+    entry = simulation.entry_of_case()
+
+    def followed() -> Insertion:
+        march = March(simulation.instrument(entry), simulation.responses, 0.035)
+        assert len(list(march.iterate())) > 2
+        return march.result(soft, simulation.model)
+
+    checked = followed()
+    assert checked.outcome.status is Status.RESTICK
+    assert "the tissue goes ahead of the tip that cuts it" in checked.outcome.sentence
+    assert ledger(checked).given <= 1e-9
+    monkeypatch.setattr(March, "_check_energy", lambda *_: None)
+    unchecked = followed()
+    assert len(unchecked.states) > len(checked.states)
+    assert ledger(unchecked).given > 1e-6

@@ -41,3 +41,13 @@ def test_what_there_is_can_be_written_and_drawn(folder, run):
     assert (folder / "o" / "insertion.pvd").exists()
     status, _, err = run("render", "case.toml", "--out", "stills.png")
     assert status in (0, 4), err  # 4: nothing can be drawn on this machine
+
+
+def test_nothing_is_placed_by_an_insertion_that_broke_off(folder, run):
+    for integrator in ("march", "quasi-static"):
+        chosen = "--set", f"discretisation.integrator={integrator}"
+        _, out, _ = run("run", "case.toml", *chosen)
+        assert "nothing is placed, for the insertion broke off at a depth of" in out
+        assert ": placed" not in out
+        _, out, _ = run("run", "case.toml", "--json", *chosen)
+        assert [seed["status"] for seed in json.loads(out)["seeds"]] == ["not_placed"]
