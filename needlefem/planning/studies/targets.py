@@ -96,8 +96,10 @@ def _in_cells(mesh: SkfemMesh, cells: Ints, count: int, random: np.random.Genera
     shares = random.uniform(size=(count, 2))
     beyond = shares.sum(axis=1) > 1.0
     shares[beyond] = 1.0 - shares[beyond]
-    found: Points = triangles[chosen, 0] + shares[:, :1] * one[chosen]
-    return found + shares[:, 1:] * other[chosen]
+    found: Points = (
+        triangles[chosen, 0] + shares[:, :1] * one[chosen] + shares[:, 1:] * other[chosen]
+    )
+    return found
 
 
 def target_table(scene: Scene, targets: Points) -> TargetTable:
