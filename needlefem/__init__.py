@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from needlefem.api import build_model, plan, simulate
     from needlefem.casefile.load import load_case
-    from needlefem.output.render import render
-    from needlefem.output.saved import load_result
+    from needlefem.io.saved_result import load_result
+    from needlefem.plotting.render import render
 
 __version__ = "0.1.0"
 __all__ = ["build_model", "load_case", "load_result", "plan", "render", "simulate"]
@@ -18,10 +18,10 @@ __all__ = ["build_model", "load_case", "load_result", "plan", "render", "simulat
 _HOMES = {
     "build_model": "needlefem.api",
     "load_case": "needlefem.casefile.load",
-    "load_result": "needlefem.output.saved",
+    "load_result": "needlefem.io.saved_result",
     "simulate": "needlefem.api",
     "plan": "needlefem.api",
-    "render": "needlefem.output.render",
+    "render": "needlefem.plotting.render",
 }
 
 

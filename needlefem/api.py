@@ -3,17 +3,16 @@
 from pathlib import Path
 from typing import Any
 
-from needlefem.arrays import SkfemMesh
+from needlefem._arrays import SkfemMesh
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError, short
-from needlefem.fem import build
-from needlefem.fem.model import Model
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion import simulation
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Watch
 from needlefem.planning import plan as planning
 from needlefem.planning.result import Plan
-from needlefem.scene import Scene
+from needlefem.scene import Scene, build
 
 
 def scene_of(case: Scene | str | Path) -> Scene:

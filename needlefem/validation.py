@@ -15,8 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
+from needlefem._parameter import Knob, knob_of
 from needlefem.errors import CaseError, matching, nearest, short
-from needlefem.knobs import Knob, knob_of
 from needlefem.units import LARGEST, dimension_of, parse_quantity
 
 LARGEST_NUMBER = 1e15

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from needlefem.casefile.load import load_case
-from needlefem.contour import Contour
+from needlefem.geometry.contour import Contour
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic
 from needlefem.scene import (

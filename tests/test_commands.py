@@ -18,7 +18,7 @@ import pytest
 from needlefem.bench import benchmark
 from needlefem.casefile.load import load_case
 from needlefem.cli.main import main, parser_of
-from needlefem.planning.studies import study
+from needlefem.studies import study
 from tests.pages import PAGES, ROOT, WHOLE
 
 PAPER = "cases/prostate-2003/case.toml"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import needlefem
-from needlefem.planning.studies import STUDIES
+from needlefem.studies import STUDIES
 from needlefem.units import UNITS
 from tests.pages import DOCS, PAGES, ROOT, WHOLE, site
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from needlefem import foreign
+from needlefem import _plugin as foreign
 from needlefem.cli.main import main
 from tests.pages import ROOT, WHOLE, site
 

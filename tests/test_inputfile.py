@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from needlefem._inputfile import LIMIT_VARIABLE, read_bytes, read_text, require_file
 from needlefem.errors import CaseError
-from needlefem.inputfile import LIMIT_VARIABLE, read_bytes, read_text, require_file
 
 
 def _loop(path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from needlefem.casefile.load import load_case
 from needlefem.cli.main import main
 from needlefem.insertion.simulation import simulate
-from needlefem.output.saved import load_result
+from needlefem.io.saved_result import load_result
 from needlefem.scene import Scene, contour_sizes, vary
 from tests.conftest import CASES
 from tests.image import maps

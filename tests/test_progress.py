@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from needlefem import progress
+from needlefem import _progress as progress
 from tests.conftest import PAPER_CASE
 
 QUICK = """

@@ -8,7 +8,7 @@ The same needle twice: aimed at the target as if tissue were rigid, and where a 
 from pathlib import Path
 
 import needlefem as nf
-from needlefem.output.stages import draw_stages
+from needlefem.plotting.stages import draw_stages
 
 scene = nf.load_case("../../cases/prostate-2003/case.toml")
 plan = nf.plan(scene)

@@ -7,7 +7,7 @@ at its lower half, so that it turns: the target is carried away from the needle'
 """
 
 import needlefem as nf
-from needlefem.output.render import Shot
+from needlefem.plotting.render import Shot
 
 scene = nf.load_case("../../cases/prostate-2003/case.toml")
 insertion = nf.simulate(scene)

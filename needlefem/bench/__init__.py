@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from importlib import import_module
 
+from needlefem._table import Table
 from needlefem.errors import CaseError, nearest
-from needlefem.table import Table
 
 Benchmark = Callable[[str], Table]
 """Takes the path of a case, or of the folder of reference problems."""

@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Vector
+from needlefem._arrays import Vector
+from needlefem._table import Table
+from needlefem.alterovitz2003.plan import paper_plan
+from needlefem.alterovitz2003.simulation import InTime
 from needlefem.bench.timing import median
 from needlefem.casefile.load import load_case
-from needlefem.checks.race import Point, front
+from needlefem.checks.work_precision import Point, front
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
-from needlefem.insertion.nodesimulation import InTime
-from needlefem.output.verification.charts import Line, loglog
-from needlefem.planning.paper import paper_plan
 from needlefem.planning.plan import plan
-from needlefem.planning.reference import Exact
+from needlefem.planning.reference_solution import Exact
 from needlefem.planning.result import Plan, PlanStatus
-from needlefem.resolve import resolve, with_element
+from needlefem.plotting.svg_charts import Line, loglog
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
-from needlefem.table import Table
+from needlefem.scene.resolve import resolve, with_element
 
 ROUNDS = 3
 LONG = 2.0

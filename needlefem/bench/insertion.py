@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from needlefem._table import Table
 from needlefem.bench.timing import in_turn, median, processor_seconds
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
-from needlefem.fem.skin import Entry
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.output.verification.charts import Bar, bars
-from needlefem.table import Table
+from needlefem.mesh.entry import Entry
+from needlefem.plotting.svg_charts import Bar, bars
 
 ROUNDS = 15
 WARM = 201

@@ -2,20 +2,20 @@
 
 import numpy as np
 
-from needlefem.arrays import Vector
+from needlefem._arrays import Vector
+from needlefem._table import Table
+from needlefem.alterovitz2003.plan import own_plan, paper_plan
 from needlefem.bench.insertion import alone
 from needlefem.bench.timing import in_turn, median, spread_bars
 from needlefem.casefile.load import load_case
-from needlefem.checks.tissue import preflight
+from needlefem.checks.mesh_checks import preflight
 from needlefem.errors import CaseError
-from needlefem.fem.build import build_mesh, build_model
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.paper import own_plan, paper_plan
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene
-from needlefem.table import Table
+from needlefem.scene.build import build_mesh, build_model
 
 ROUNDS, PAPER_ROUNDS = 7, 3
 MOST, LEAST = 3000.0, 20.0

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Floats
-from needlefem.contour import Contour
+from needlefem._arrays import Floats
+from needlefem._inputfile import read_text
 from needlefem.errors import CaseError, nearest
-from needlefem.inputfile import read_text
+from needlefem.geometry.contour import Contour
 from needlefem.units import UNITS
 
 LENGTHS = UNITS["length"] | {"\u00b5m": 1e-6, "\u03bcm": 1e-6}

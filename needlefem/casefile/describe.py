@@ -4,8 +4,8 @@ import dataclasses
 import typing
 from typing import Any
 
-from needlefem.frame import Frame, Voxels
-from needlefem.knobs import Knob, knob_of
+from needlefem._parameter import Knob, knob_of
+from needlefem.geometry.image_frame import Frame, Voxels
 from needlefem.materials import LAWS
 from needlefem.scene import (
     BoxMesh,

@@ -6,7 +6,7 @@ from typing import Any
 
 from needlefem.casefile.tables import required
 from needlefem.errors import CaseError, short
-from needlefem.output.expectations import check_key
+from needlefem.io.expectations import check_key
 from needlefem.scene import Expectation
 from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import made, refuse_unknown

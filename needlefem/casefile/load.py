@@ -6,14 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from needlefem._inputfile import read_text
+from needlefem._toml import assignment, key_parts
 from needlefem.casefile.expectations import read_expectations
 from needlefem.casefile.meshunit import refuse_wrong_unit
 from needlefem.casefile.openkeys import refuse_open
 from needlefem.casefile.reader import Reader
 from needlefem.casefile.tables import Table, required, table, tables
 from needlefem.errors import CaseError, short
-from needlefem.frame import Frame
-from needlefem.inputfile import read_text
+from needlefem.geometry.image_frame import Frame
 from needlefem.scene import (
     Discretisation,
     FileMesh,
@@ -27,7 +28,6 @@ from needlefem.scene import (
     TargetDraw,
     canonical,
 )
-from needlefem.tomltext import assignment, key_parts
 from needlefem.validation import refuse_unknown
 
 SCHEMA_VERSION = 1

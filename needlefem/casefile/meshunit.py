@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.arrays import Floats, SkfemMesh
+from needlefem._arrays import Floats, SkfemMesh
 from needlefem.errors import CaseError
-from needlefem.fem.mesh import cell_sizes
+from needlefem.mesh.generation import cell_sizes
 from needlefem.scene import Scene
 
 UNITS = {"1 um": 1e-6, "1 mm": 1e-3, "1 cm": 1e-2, "1 m": 1.0}

@@ -4,13 +4,13 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
+from needlefem._parameter import knob_of
+from needlefem._toml import dotted_key
 from needlefem.casefile.tables import Table
 from needlefem.errors import CaseError
-from needlefem.knobs import knob_of
 from needlefem.materials import LAWS
-from needlefem.materials.tissues import library
+from needlefem.materials.tissue_library import library
 from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Region, Support
-from needlefem.tomltext import dotted_key
 from needlefem.units import UNITS, dimension_of
 
 OPEN = "?"

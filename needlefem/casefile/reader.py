@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import SkfemMesh
+from needlefem._arrays import SkfemMesh
 from needlefem.casefile.contourfile import read_contour
 from needlefem.casefile.tables import Table, required
-from needlefem.contour import Contour
 from needlefem.errors import CaseError, nearest, short
-from needlefem.fem.mesh import group_cells, outline, parts
-from needlefem.fem.meshfile import read_mesh
+from needlefem.geometry.contour import Contour
 from needlefem.materials import Material, law_class, split
-from needlefem.materials.tissues import tissue_table
+from needlefem.materials.tissue_library import tissue_table
+from needlefem.mesh.file import read_mesh
+from needlefem.mesh.generation import group_cells, outline, parts
 from needlefem.scene import BoxMesh, FileMesh, Obstacle, Region, Support
 from needlefem.units import parse_quantity
 from needlefem.validation import dotted, filled, made, path_of

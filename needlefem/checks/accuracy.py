@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
+from needlefem._arrays import Floats, Points
 from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
+from needlefem.checks.mesh_checks import NEARLY_INCOMPRESSIBLE
 from needlefem.checks.models import distorted_mesh, mapped_mesh
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.checks.tissue import NEARLY_INCOMPRESSIBLE
 from needlefem.elements import ElementRow
-from needlefem.fem.statics import Solution, Statics
+from needlefem.fem.boundary_value_problem import Solution, Statics
 from needlefem.materials import Isotropic, Material, Split, plane_split
 
 LOCKING = 6.0

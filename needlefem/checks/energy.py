@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.dynamics import Motion, Newmark, TissueSystem, kinetic_energy
-from needlefem.fem.model import Model
+from needlefem.fem.tissue_model import Model
 
 
 def energy_drift(model: Model, step: float, count: int, lumping: str | None = None) -> float:

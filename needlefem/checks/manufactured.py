@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
+from needlefem._arrays import Floats, Points
 
 PI = np.pi
 

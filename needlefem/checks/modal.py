@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.modes import modes
+from needlefem.dynamics.modal import modes
 from needlefem.elements import ElementRow
-from needlefem.fem.model import Model
+from needlefem.fem.tissue_model import Model
 from needlefem.materials import Material
 from needlefem.scene import Support
 

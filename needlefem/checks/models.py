@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from needlefem.arrays import Bools, Points, SkfemMesh
+from needlefem._arrays import Bools, Points, SkfemMesh
 from needlefem.elements import ElementRow
 from needlefem.elements.quadrature import gauss, simplex
-from needlefem.fem.mesh import BACKGROUND, box, curved, name_faces, name_regions
-from needlefem.fem.model import Model
+from needlefem.fem.tissue_model import Model
 from needlefem.materials import Material
+from needlefem.mesh.generation import BACKGROUND, box, curved, name_faces, name_regions
 from needlefem.scene import Support
 
 ONE_SIDE: Mapping[str, Support] = {"one side": Support(faces=("y_min",))}

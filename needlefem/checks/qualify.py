@@ -4,11 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.checks import accuracy, pair
-from needlefem.checks.law import check_law
+from needlefem.checks import accuracy
+from needlefem.checks import element_material_checks as pair
+from needlefem.checks.element_checks import check_shape
+from needlefem.checks.material_checks import check_law
+from needlefem.checks.mesh_checks import NEARLY_INCOMPRESSIBLE
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.checks.shape import check_shape
-from needlefem.checks.tissue import NEARLY_INCOMPRESSIBLE
 from needlefem.elements import ElementRow
 from needlefem.materials import Isotropic, Material, plane_split
 

@@ -3,13 +3,14 @@
 import argparse
 from pathlib import Path
 
-from needlefem.bench import BENCHMARKS, against, benchmark
+from needlefem.bench import BENCHMARKS, benchmark
 from needlefem.cli.common import named, say, say_json
 from needlefem.errors import CaseError
-from needlefem.output.files import probe, write_json, write_text
-from needlefem.output.info import machine
-from needlefem.output.resultfolder import held_by
-from needlefem.output.verification.page import chart_page
+from needlefem.io.files import probe, write_json, write_text
+from needlefem.io.info import machine
+from needlefem.io.result_folder import held_by
+from needlefem.plotting.verification_report import chart_page
+from verification.benchmarks import against
 
 
 def main(options: argparse.Namespace) -> int:

@@ -5,14 +5,14 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from needlefem._progress import doing
 from needlefem.cli import streams
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
-from needlefem.output.files import to_json
-from needlefem.output.resultfolder import result_folder
-from needlefem.progress import doing
+from needlefem.io.files import to_json
+from needlefem.io.result_folder import result_folder
 
 if TYPE_CHECKING:
     from needlefem.planning.result import Plan
@@ -65,7 +65,7 @@ def named(path: str, option: str = "--out") -> str:
 
 
 def progress(title: str) -> Watch:
-    """Return what tells depth and number of the insertions to `needlefem.progress`."""
+    """Return what tells depth and number of the insertions to `needlefem._progress`."""
     count = 0
 
     def watch(state: State) -> None:

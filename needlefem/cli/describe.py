@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from needlefem.bench import BENCHMARKS
 from needlefem.cli.main import COMMANDS, parser_of
-from needlefem.planning.studies import STUDIES
+from needlefem.studies import STUDIES
 
 NAMED = {"study": STUDIES, "bench": BENCHMARKS}
 """Commands whose first argument is one of some names."""

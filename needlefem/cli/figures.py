@@ -3,11 +3,11 @@
 import argparse
 from pathlib import Path
 
+from needlefem.alterovitz2003.figures import draw_figures
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import named, say, say_json
-from needlefem.output.driver import renderer
-from needlefem.output.figures.page import draw_figures
-from needlefem.output.files import probe
+from needlefem.io.files import probe
+from needlefem.plotting.backend import renderer
 
 
 def main(options: argparse.Namespace) -> int:

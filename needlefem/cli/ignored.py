@@ -7,10 +7,10 @@ import argparse
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 
+from needlefem._toml import dotted_key
 from needlefem.errors import CaseError
-from needlefem.resolve import resolve
 from needlefem.scene import DYNAMIC, BoxMesh, Scene, canonical, field_of
-from needlefem.tomltext import dotted_key
+from needlefem.scene.resolve import resolve
 
 FOLDER = "results are written to --out DIR"
 PICTURES = "a plan alone has pictures to choose from"

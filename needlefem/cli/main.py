@@ -16,9 +16,9 @@ from functools import partial
 from importlib import import_module
 from typing import NoReturn
 
+from needlefem._progress import doing, telling
 from needlefem.cli import newoptions, streams
 from needlefem.errors import NeedlefemError, OutputError
-from needlefem.progress import doing, telling
 
 COMMANDS = {
     "new": "begin a case from contours, a label map or a mesh",
@@ -96,7 +96,7 @@ def main(
     try:
         options = parser_of(given).parse_args(given)
         if options.allow_code:
-            import_module("needlefem.foreign").allow()
+            import_module("needlefem._plugin").allow()
         doing("importing")
         command = import_module(f"needlefem.cli.{options.command}")
         doing("")
@@ -116,7 +116,7 @@ def _failed(sentence: str, status: int, *, debug: bool) -> int:
     """Say why the command ends early, and leave nothing half written; return the exit status."""
     if debug:
         traceback.print_exc()
-    files = sys.modules.get("needlefem.output.files")
+    files = sys.modules.get("needlefem.io.files")
     if files is not None:
         files.discard_parts()
     streams.tell(f"needlefem: {sentence}")

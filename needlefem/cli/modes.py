@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem._table import Table
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import result_of, say, say_json, undrawn, warn
 from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.dynamics import TissueSystem, critical_step
-from needlefem.dynamics.modes import modes
+from needlefem.dynamics.modal import modes
 from needlefem.errors import CaseError, NoRendererError
-from needlefem.fem.build import build_model
-from needlefem.output.files import write_json
-from needlefem.output.resultfolder import ResultFolder
-from needlefem.output.vtu import write_vtu
-from needlefem.resolve import resolve
+from needlefem.io.files import write_json
+from needlefem.io.result_folder import ResultFolder
+from needlefem.io.vtu import write_vtu
 from needlefem.scene import Scene
-from needlefem.table import Table
+from needlefem.scene.build import build_model
+from needlefem.scene.resolve import resolve
 
 PICTURE = "modes.png"
 
@@ -68,7 +68,7 @@ def _found(
     _write(result.path, record, system, shapes)
     if options.no_pictures:
         return record, None
-    from needlefem.output.modepictures import draw_modes  # noqa: PLC0415
+    from needlefem.plotting.mode_figures import draw_modes  # noqa: PLC0415
 
     fields = [system.nodal(shape) for shape in shapes.T]
     return record, undrawn(lambda: draw_modes(scene, model, hertz, fields, result.path / PICTURE))

@@ -4,16 +4,16 @@ import argparse
 import os
 from pathlib import Path
 
+from needlefem._toml import brief, comment
 from needlefem.casefile.load import load_case
-from needlefem.casefile.starters.draft import Draft, case_text, csv_text
-from needlefem.casefile.starters.ofcontours import of_contours
-from needlefem.casefile.starters.oflabelmap import of_labelmap
-from needlefem.casefile.starters.ofmesh import of_mesh
-from needlefem.casefile.starters.wanted import Wanted
 from needlefem.cli.common import say, say_json
 from needlefem.errors import CaseError
-from needlefem.output.files import write_text
-from needlefem.tomltext import brief, comment
+from needlefem.io.files import write_text
+from needlefem.newcase.draft import Draft, case_text, csv_text
+from needlefem.newcase.from_contours import of_contours
+from needlefem.newcase.from_label_map import of_labelmap
+from needlefem.newcase.from_mesh import of_mesh
+from needlefem.newcase.request import Wanted
 
 
 def main(options: argparse.Namespace) -> int:

@@ -16,12 +16,12 @@ from needlefem.cli.common import (
     warn,
 )
 from needlefem.cli.ignored import refuse_unused_keys, unused_keys
-from needlefem.output.expectations import expect_record, judged
-from needlefem.output.files import write_json
-from needlefem.output.records import origin, plan_record
-from needlefem.output.scanner import scanner_lines, with_scanner
+from needlefem.io.expectations import expect_record, judged
+from needlefem.io.files import write_json
+from needlefem.io.records import origin, plan_record
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Evidence, Plan, PlanStatus
+from needlefem.plotting.scanner import scanner_lines, with_scanner
 from needlefem.scene import Scene
 
 
@@ -65,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _draw(found: Plan, folder: Path) -> list[Path]:
-    from needlefem.output.planpictures import draw_plan  # noqa: PLC0415
+    from needlefem.plotting.plan_figures import draw_plan  # noqa: PLC0415
 
     return draw_plan(found.insertion.scene, found, folder)
 

@@ -3,6 +3,9 @@
 import argparse
 from typing import Any
 
+from needlefem._table import Table
+from needlefem.alterovitz2003.plan import Drifted, Timed, drift, own_plan, paper_plan
+from needlefem.alterovitz2003.simulation import InTime
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import (
     progress,
@@ -15,14 +18,11 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys
 from needlefem.errors import CaseError
-from needlefem.insertion.nodesimulation import InTime
-from needlefem.output.files import write_json
-from needlefem.output.records import origin, plan_record
-from needlefem.output.scanner import with_scanner
-from needlefem.planning.paper import Drifted, Timed, drift, own_plan, paper_plan
+from needlefem.io.files import write_json
+from needlefem.io.records import origin, plan_record
 from needlefem.planning.result import PlanStatus
+from needlefem.plotting.scanner import with_scanner
 from needlefem.scene import BoxMesh, Scene
-from needlefem.table import Table
 
 
 def main(options: argparse.Namespace) -> int:

@@ -5,7 +5,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from needlefem.checks.integration import check_integrator, measured
+from needlefem._table import Table
+from needlefem.checks.integrator_checks import check_integrator, measured
 from needlefem.checks.qualify import failures, qualify
 from needlefem.checks.result import CheckResult
 from needlefem.cli.common import say, say_json
@@ -14,7 +15,6 @@ from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, nearest
 from needlefem.materials import LAWS
 from needlefem.materials.example import example
-from needlefem.table import Table
 
 EVERY = "all"
 

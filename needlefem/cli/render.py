@@ -7,13 +7,13 @@ from needlefem.cli.common import GOOD, named, progress, say, say_json, warn
 from needlefem.cli.ignored import refuse_unused_options
 from needlefem.cli.replay import replay, scene_of
 from needlefem.errors import CaseError, short
-from needlefem.limits import check_count
-from needlefem.output.driver import renderer
-from needlefem.output.files import probe
-from needlefem.output.images import MOVING, STILLS, require_kind
-from needlefem.output.quantities import quantity
-from needlefem.output.render import Shot, animate, panels, render
-from needlefem.output.setuppicture import draw_setup
+from needlefem.io.files import probe
+from needlefem.plotting.backend import renderer
+from needlefem.plotting.images import MOVING, STILLS, require_kind
+from needlefem.plotting.quantities import quantity
+from needlefem.plotting.render import Shot, animate, panels, render
+from needlefem.plotting.setup_figure import draw_setup
+from needlefem.scene.limits import check_count
 from needlefem.units import parse_quantity
 
 FRAMES, RATE = 60, 12.0

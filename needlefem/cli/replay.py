@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Floats
-from needlefem.casefile.again import Again, read_again
+from needlefem._arrays import Floats
 from needlefem.casefile.load import load_case
+from needlefem.casefile.saved_case import Again, read_again
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch

@@ -5,8 +5,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from needlefem._table import Table
 from needlefem.casefile.load import load_case
-from needlefem.checks.tissue import overlaps
+from needlefem.checks.mesh_checks import overlaps
 from needlefem.cli.common import (
     GOOD,
     centimetres,
@@ -20,30 +21,29 @@ from needlefem.cli.common import (
 from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options, unused_keys
 from needlefem.errors import NoRendererError
 from needlefem.insertion.discretised import Discretised, discretised
-from needlefem.insertion.ledger import ledger
-from needlefem.insertion.path import Path as CutPath
-from needlefem.insertion.path import Reach
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.trajectory import Path as CutPath
+from needlefem.insertion.trajectory import Reach
 from needlefem.insertion.validity import Validity, validity
-from needlefem.limits import check_count
-from needlefem.needle.clearance import passings
-from needlefem.output.expectations import expect_record, judged
-from needlefem.output.files import write_json
-from needlefem.output.histories import History, recorded
-from needlefem.output.motionpictures import draw_forces, draw_sticking
-from needlefem.output.records import (
+from needlefem.io.expectations import expect_record, judged
+from needlefem.io.files import write_json
+from needlefem.io.histories import History, recorded
+from needlefem.io.records import (
     insertion_record,
     ledger_record,
     origin,
     released_record,
     seed_record,
 )
-from needlefem.output.resultfolder import ResultFolder
-from needlefem.output.scanner import scanner_lines, with_scanner
-from needlefem.output.snapshots import write_snapshots
+from needlefem.io.result_folder import ResultFolder
+from needlefem.io.snapshots import write_snapshots
+from needlefem.needle.clearance import passings
+from needlefem.plotting.motion_figures import draw_forces, draw_sticking
+from needlefem.plotting.scanner import scanner_lines, with_scanner
 from needlefem.scene import Scene
-from needlefem.table import Table
+from needlefem.scene.limits import check_count
 
 
 def main(options: argparse.Namespace) -> int:

@@ -4,10 +4,10 @@ import argparse
 import sys
 from pathlib import Path
 
+from needlefem._table import Table
 from needlefem.cli.common import say, say_json
 from needlefem.errors import CaseError
 from needlefem.stress import inputs, scenes
-from needlefem.table import Table
 
 
 def main(options: argparse.Namespace) -> int:

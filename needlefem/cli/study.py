@@ -5,8 +5,8 @@ import argparse
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import say, say_json
 from needlefem.cli.ignored import refuse_unused_options
-from needlefem.output.expectations import judged
-from needlefem.planning.studies import PAIRED, STUDIES, study
+from needlefem.io.expectations import judged
+from needlefem.studies import PAIRED, STUDIES, study
 
 
 def main(options: argparse.Namespace) -> int:

@@ -4,7 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from needlefem.checks.problem import (
+from needlefem._table import Table
+from needlefem.checks.reference_problem import (
     Report,
     Verdict,
     judged,
@@ -16,10 +17,9 @@ from needlefem.checks.problem import (
 from needlefem.cli.common import named, say, say_json
 from needlefem.cli.ignored import refuse_unused_options
 from needlefem.errors import CaseError
-from needlefem.output.files import write_json
-from needlefem.output.resultfolder import result_folder
-from needlefem.output.verification.page import record, write_report
-from needlefem.table import Table
+from needlefem.io.files import write_json
+from needlefem.io.result_folder import result_folder
+from needlefem.plotting.verification_report import record, write_report
 
 
 def main(options: argparse.Namespace) -> int:

@@ -14,8 +14,8 @@ from needlefem.dynamics.integrators import (
     integrator_class,
 )
 from needlefem.dynamics.steppers import ImplicitStepper, Motion, Stepper, at_rest
-from needlefem.dynamics.systems import MatrixSystem, System
-from needlefem.dynamics.tissue import TissueSystem
+from needlefem.dynamics.system import MatrixSystem, System
+from needlefem.dynamics.tissue_system import TissueSystem
 
 __all__ = [
     "HHT",

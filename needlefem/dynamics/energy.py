@@ -2,10 +2,10 @@
 
 import dataclasses
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.dynamics.memory import Memory
 from needlefem.dynamics.steppers import Motion, StaticStepper, Stepper, Weights
-from needlefem.dynamics.systems import System
+from needlefem.dynamics.system import System
 
 
 def kinetic_energy(system: System, v: Floats) -> float:

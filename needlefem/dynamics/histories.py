@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.dynamics.steppers import Motion, Stepper
 
 Load = Callable[[float], Floats]

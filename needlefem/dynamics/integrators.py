@@ -9,7 +9,7 @@ follow from the displacement (`advance`).
 import dataclasses
 from typing import Protocol
 
-from needlefem import foreign
+from needlefem import _plugin as foreign
 from needlefem.dynamics.steppers import (
     ExplicitStepper,
     ImplicitStepper,
@@ -17,7 +17,7 @@ from needlefem.dynamics.steppers import (
     Stepper,
     Weights,
 )
-from needlefem.dynamics.systems import System
+from needlefem.dynamics.system import System
 from needlefem.errors import CaseError, matching, nearest, short
 
 ROUND_OFF = 1e-9

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats, Sparse
+from needlefem._arrays import Floats, Sparse
 from needlefem.materials.relaxation import decay, gain
 
 

@@ -5,10 +5,10 @@ from typing import Protocol
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.dynamics.memory import Memory
-from needlefem.dynamics.systems import System
-from needlefem.fem.factor import Factor
+from needlefem.dynamics.system import System
+from needlefem.fem.factorization import Factor
 
 
 @dataclasses.dataclass(eq=False)

@@ -2,10 +2,10 @@
 
 import skfem
 
-from needlefem import foreign
+from needlefem import _plugin as foreign
+from needlefem.elements.element_type import MEAN, PRESSURE, ElementRow
 from needlefem.elements.mini import TriangleBubble
 from needlefem.elements.quadrature import gauss, simplex
-from needlefem.elements.row import MEAN, PRESSURE, ElementRow
 from needlefem.errors import CaseError, matching, nearest, short
 
 _ROWS = (

@@ -6,7 +6,7 @@ import numpy as np
 from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 
 
 class TriangleBubble(ElementH1):  # type: ignore[misc]  # scikit-fem ships no types

@@ -12,7 +12,7 @@ import numpy as np
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet, RefTri
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 
 Rule = Callable[[], tuple[Floats, Floats]]
 """Returns points (dim, n) in the reference cell and weights (n,) that sum to its measure."""

@@ -5,13 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from needlefem.arrays import Floats, Ints, Points, SkfemMesh
+from needlefem._arrays import Floats, Ints, Points, SkfemMesh
+from needlefem._pickling import Lasting
 from needlefem.elements import ElementRow
-from needlefem.fem.cellmap import Inverse
-from needlefem.fem.locate import Locator
 from needlefem.fem.shapes import shape_table
-from needlefem.fem.surface import Surface
-from needlefem.pickling import Lasting
+from needlefem.mesh.cell_location import Locator
+from needlefem.mesh.cell_map import Inverse
+from needlefem.mesh.surface import Surface
 
 
 class Weights(NamedTuple):

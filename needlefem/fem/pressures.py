@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import block_array, vstack
 
-from needlefem.arrays import Floats, Ints, Points, SkfemMesh, Sparse
+from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
-from needlefem.fem import assembly
+from needlefem.fem import forms as assembly
 from needlefem.fem.shapes import shape_table
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
+from needlefem._arrays import Floats, Points
 
 ROUND_OFF = 1e-10
 """Coefficients as near as this to a multiple of one half are that: Lagrange's are."""

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from scipy.sparse import block_array
 
-from needlefem.arrays import Floats, Ints, Sparse
+from needlefem._arrays import Floats, Ints, Sparse
+from needlefem._pickling import lasting_state
 from needlefem.elements import MEAN, PLAIN
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem import assembly
-from needlefem.fem.factor import Factor, factorise
+from needlefem.fem import forms as assembly
+from needlefem.fem.factorization import Factor, factorise
+from needlefem.fem.function_space import Space
 from needlefem.fem.pressures import Pressures
-from needlefem.fem.space import Space
 from needlefem.materials import Split
 from needlefem.materials.voigt import volumetric
-from needlefem.pickling import lasting_state
 
 
 class Stiffness:

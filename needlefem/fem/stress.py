@@ -7,11 +7,11 @@ limit only, B-bar elements by their mean dilatation, mixed ones by their own pre
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
+from needlefem._arrays import Floats, Points
 from needlefem.elements import MEAN, PRESSURE
 from needlefem.errors import CaseError
-from needlefem.fem import assembly
-from needlefem.fem.space import Space
+from needlefem.fem import forms as assembly
+from needlefem.fem.function_space import Space
 from needlefem.fem.stiffness import Stiffness
 from needlefem.materials.voigt import volumetric
 

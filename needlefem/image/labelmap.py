@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Bools, Floats, Ints
+from needlefem._arrays import Bools, Floats, Ints
+from needlefem._progress import doing
 from needlefem.errors import short
-from needlefem.frame import Voxels
+from needlefem.geometry.image_frame import Voxels
 from needlefem.image.metaimage import read_metaimage
 from needlefem.image.nifti import GZIP, read_nifti
 from needlefem.image.nrrd import MAGIC, read_nrrd
@@ -22,7 +23,6 @@ from needlefem.image.volume import (
     refusal,
     whole,
 )
-from needlefem.progress import doing
 
 MOST_LABELS = 256
 """More different values than that are grey values of an image."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.image.volume import (
     Volume,
     array_of,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.errors import nearest, short
 from needlefem.image.volume import (
     LPS,

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem._inputfile import read_bytes, require_file
 from needlefem.errors import CaseError, short
-from needlefem.inputfile import read_bytes, require_file
 
 KEY = "--labelmap"
 FORMATS = "give a .nrrd, .seg.nrrd, .nii.gz or .mha"

@@ -16,12 +16,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem.contact.functionals import Piece
 from needlefem.fem.interpolation import Weights
-from needlefem.insertion.equations import Field
 from needlefem.insertion.result import Ledger
 from needlefem.insertion.state import State, Way
-from needlefem.needle.functionals import Piece
+from needlefem.insertion.step_equations import Field
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import brentq
 
-from needlefem.arrays import Floats
-from needlefem.insertion.equations import TOLERANCE, Solution
+from needlefem._arrays import Floats
+from needlefem.insertion.step_equations import TOLERANCE, Solution
 
 STALLED = 1e-15
 """Change of the unknowns below which iterating is in vain, m."""

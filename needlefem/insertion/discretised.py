@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.needle import sizes_along
-from needlefem.fem.mesh import cell_sizes
-from needlefem.fem.skin import Entry
+from needlefem.checks.insertion_checks import sizes_along
 from needlefem.insertion.simulation import Simulation
+from needlefem.mesh.entry import Entry
+from needlefem.mesh.generation import cell_sizes
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats, Ints
-from needlefem.fem.model import Model
+from needlefem._arrays import Floats, Ints
+from needlefem.contact.functionals import Piece
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
-from needlefem.needle.functionals import Piece
-from needlefem.scene.method import DYNAMIC
+from needlefem.scene.discretization import DYNAMIC
 
 
 def loads(insertion: Insertion, states: Sequence[int]) -> Floats:

@@ -3,12 +3,12 @@
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import broyden, root_between
-from needlefem.insertion.equations import Solution, StepEquations
-from needlefem.insertion.step import not_found, smallest_turning
+from needlefem.insertion.step_equations import Solution, StepEquations
+from needlefem.insertion.tip_solver import not_found, smallest_turning
 
 PEAK = 1e-4
 """Part of a piece to which the path's largest depth is found."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem._arrays import Floats, Vector
 
 Learnt = tuple[Floats, Floats]
 """Direction of the tip across the axis, shape (dim - 1,), in a step, and the derivative of the

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.insertion.march import March
+from needlefem.insertion.cut_path import Track
+from needlefem.insertion.path_following import March
 from needlefem.insertion.state import State
 from needlefem.insertion.stepfield import StepField
-from needlefem.insertion.track import Track
 
 
 def hand_over(march: March, track: Track, speed: float) -> tuple[State, StepField]:

@@ -13,7 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.functionals import Piece
 from needlefem.dynamics import (
     Damping,
     EnergyLedger,
@@ -24,12 +25,11 @@ from needlefem.dynamics import (
 )
 from needlefem.dynamics.steppers import ImplicitStepper, Weights
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.factor import Factor
-from needlefem.fem.model import Model
-from needlefem.fem.responses import Responses
-from needlefem.insertion.media import responses_of
+from needlefem.fem.compliance import Responses
+from needlefem.fem.factorization import Factor
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion.recent import Recent
-from needlefem.needle.functionals import Piece
+from needlefem.insertion.tissue_response import responses_of
 from needlefem.scene import Rayleigh, Scene
 
 RINGS = 1.0 - 1e-9

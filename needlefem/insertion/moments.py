@@ -5,16 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.friction import Friction, refuse_noise
+from needlefem.contact.functionals import Piece, Trial
 from needlefem.fem.interpolation import Weights
-from needlefem.insertion.equations import Solution
+from needlefem.insertion.cut_path import Track
 from needlefem.insertion.state import State, Way
+from needlefem.insertion.step_equations import Solution
 from needlefem.insertion.stepfield import StepField
-from needlefem.insertion.track import Track
-from needlefem.insertion.ways import Moment
-from needlefem.needle.contact import Contact
-from needlefem.needle.friction import Friction, refuse_noise
-from needlefem.needle.functionals import Piece, Trial
+from needlefem.insertion.tip_phase import Moment
 
 THIN = 1e-9
 """Length of a piece, relative to the spacing, below which its hold is taken to be of this."""

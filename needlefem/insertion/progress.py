@@ -5,29 +5,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.friction import Friction
+from needlefem.contact.functionals import Piece, Trial
+from needlefem.fem.compliance import Responses
 from needlefem.fem.interpolation import Weights
-from needlefem.fem.model import Model
-from needlefem.fem.responses import Responses
-from needlefem.fem.surface import TipWatch
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion.account import Account, Spent
-from needlefem.insertion.chronicle import Chronicle
-from needlefem.insertion.equations import Field, StepEquations
+from needlefem.insertion.cut_path import Track
+from needlefem.insertion.events import Chronicle
 from needlefem.insertion.fields import load
 from needlefem.insertion.handover import hand_over
-from needlefem.insertion.march import March
-from needlefem.insertion.media import Medium
 from needlefem.insertion.moments import extend, free_state, settled
+from needlefem.insertion.path_following import March
 from needlefem.insertion.recent import Recent
 from needlefem.insertion.result import Ledger, LeftTissueError
 from needlefem.insertion.state import State, Way
+from needlefem.insertion.step_equations import Field, StepEquations
 from needlefem.insertion.stepfield import Rest, StepField
-from needlefem.insertion.track import Track
-from needlefem.insertion.ways import Moment
-from needlefem.needle.contact import Contact
-from needlefem.needle.friction import Friction
-from needlefem.needle.functionals import Piece, Trial
-from needlefem.needle.instrument import Instrument
+from needlefem.insertion.tip_phase import Moment
+from needlefem.insertion.tissue_response import Medium
+from needlefem.mesh.surface import TipWatch
+from needlefem.needle.needle_interface import Instrument
 
 AT_SURFACE = 1.0 / 64
 """Distance from the surface ahead, relative to the spacing, at which the tip is there."""

@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from needlefem.arrays import Floats, Ints
+from needlefem._arrays import Floats, Ints
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.steppers import StaticStepper, at_rest
 from needlefem.errors import SimulationError
@@ -20,7 +20,7 @@ from needlefem.insertion.inertia import dynamic_medium
 from needlefem.insertion.recent import Recent
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
-from needlefem.scene.method import DYNAMIC
+from needlefem.scene.discretization import DYNAMIC
 
 Steps = Iterator[tuple[float, Floats]]
 """Durations, s, and the needle's forces at their ends, shape (ndofs,)."""

@@ -6,15 +6,15 @@ from functools import cached_property
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points, Vector
+from needlefem._arrays import Floats, Points, Vector
+from needlefem.contact.functionals import Piece
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import Weights
-from needlefem.fem.model import Model
-from needlefem.fem.skin import place_text
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion.state import State
-from needlefem.needle.axis import Axis
-from needlefem.needle.functionals import Piece
-from needlefem.needle.instrument import Instrument
+from needlefem.mesh.entry import place_text
+from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.needle_interface import Instrument
 from needlefem.scene import Scene
 from needlefem.shown import Shown
 

@@ -7,37 +7,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
-from needlefem.checks.needle import needle_resolution
+from needlefem._arrays import Floats, Vector
+from needlefem._pickling import lasting_state
+from needlefem._progress import doing
+from needlefem.checks.insertion_checks import needle_resolution
+from needlefem.checks.mesh_checks import preflight
 from needlefem.checks.result import CheckResult, refuse_failed
-from needlefem.checks.tissue import preflight
 from needlefem.errors import CaseError
-from needlefem.fem.build import build_model
-from needlefem.fem.columns import Corridor
-from needlefem.fem.mesh import BACKGROUND
-from needlefem.fem.model import Model
-from needlefem.fem.responses import Responses
-from needlefem.fem.skin import Entry, check_entry, entry_along, entry_at
-from needlefem.insertion.course import Course
+from needlefem.fem.compliance import Responses
+from needlefem.fem.condensation import Corridor
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion.guide import Guide
-from needlefem.insertion.media import ElasticMedium, Medium, responses_of
+from needlefem.insertion.insertion_run import Course
+from needlefem.insertion.motion_schedule import deepest
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.schedule import deepest
 from needlefem.insertion.state import State
-from needlefem.limits import check_scene
+from needlefem.insertion.tissue_response import ElasticMedium, Medium, responses_of
 from needlefem.materials import branches_of
 from needlefem.materials.linearity import refuse_nonlinear
-from needlefem.needle.axis import Axis
-from needlefem.needle.instrument import Instrument
-from needlefem.needle.kernel import DiscKernel, Kernel, PointKernel, cross_section
-from needlefem.pickling import lasting_state
-from needlefem.progress import doing
-from needlefem.resolve import Resolved, resolve, stick_warnings
+from needlefem.mesh.entry import Entry, check_entry, entry_along, entry_at
+from needlefem.mesh.generation import BACKGROUND
+from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.tip_kernel import DiscKernel, Kernel, PointKernel, cross_section
 from needlefem.scene import DYNAMIC, Motion, Scene
+from needlefem.scene.build import build_model
+from needlefem.scene.limits import check_scene
+from needlefem.scene.resolve import Resolved, resolve, stick_warnings
 
 if TYPE_CHECKING:  # a march does without what sticks in time steps
+    from needlefem.contact.friction import Friction
     from needlefem.insertion.sticking import Sticking
-    from needlefem.needle.friction import Friction
 
 Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
@@ -257,7 +257,7 @@ class Simulation:
 
     def friction(self, entry: Entry) -> "Friction":
         """Return the friction law of a needle that is stepped in time."""
-        from needlefem.needle.friction import Friction  # noqa: PLC0415
+        from needlefem.contact.friction import Friction  # noqa: PLC0415
 
         needle = self.scene.needle
         stiffness = self.sticking(entry).stiffness

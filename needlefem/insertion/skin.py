@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.functionals import Trial
 from needlefem.fem.interpolation import Weights
-from needlefem.needle.contact import Contact
-from needlefem.needle.functionals import Trial
 
 CLOSE = 1e-9
 """Force at a step's end, to this part of that at its other end, that is none."""

@@ -10,11 +10,11 @@ through or not at all, so that friction and cutting do no work over a gap.
 from collections.abc import Callable
 
 from needlefem.insertion.broyden import root_between
+from needlefem.insertion.motion_schedule import Tick
 from needlefem.insertion.progress import Progress
-from needlefem.insertion.schedule import Tick
 from needlefem.insertion.skin import holding
 from needlefem.insertion.state import State, Way
-from needlefem.insertion.ways import attempt
+from needlefem.insertion.tip_phase import attempt
 
 FINE = 1e-4
 """Part of a step to which the time of a crossing is found."""

@@ -6,8 +6,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from needlefem.arrays import Floats, Ints, Points, Vector
-from needlefem.needle.functionals import Piece
+from needlefem._arrays import Floats, Ints, Points, Vector
+from needlefem.contact.functionals import Piece
 
 
 class Way(StrEnum):

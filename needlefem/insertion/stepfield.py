@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.functionals import Trial
 from needlefem.fem.interpolation import Weights
-from needlefem.needle.contact import Contact
-from needlefem.needle.functionals import Trial
 
 
 class Rest:

@@ -13,10 +13,10 @@ import math
 import numpy as np
 
 from needlefem.checks.result import CheckResult
+from needlefem.contact.friction import Friction, stick_condition
 from needlefem.errors import CaseError
-from needlefem.fem.responses import Responses
-from needlefem.needle.friction import Friction, stick_condition
-from needlefem.needle.instrument import Instrument
+from needlefem.fem.compliance import Responses
+from needlefem.needle.needle_interface import Instrument
 from needlefem.needle.straight import straight_path
 from needlefem.scene import Needle
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import MOST_ITERATIONS, broyden
-from needlefem.insertion.equations import TOLERANCE, Solution, StepEquations
+from needlefem.insertion.step_equations import TOLERANCE, Solution, StepEquations
 
 
 def press(equations: StepEquations, depth: float) -> Solution:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 

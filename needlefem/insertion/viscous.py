@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.functionals import Piece
 from needlefem.dynamics import EnergyLedger, Motion, TissueSystem
 from needlefem.dynamics.steppers import StaticStepper
 from needlefem.errors import SimulationError
-from needlefem.fem.model import Model
-from needlefem.fem.responses import Responses
-from needlefem.insertion.media import responses_of
+from needlefem.fem.compliance import Responses
+from needlefem.fem.tissue_model import Model
 from needlefem.insertion.recent import Recent
-from needlefem.needle.functionals import Piece
+from needlefem.insertion.tissue_response import responses_of
 
 
 class ViscoelasticMedium:

@@ -6,12 +6,12 @@ Laws that few cases name are imported when first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from needlefem.materials.base import Material, Response
 from needlefem.materials.catalogue import LAWS, law_class
 from needlefem.materials.isotropic import Isotropic
-from needlefem.materials.linear import LinearElastic
-from needlefem.materials.protocol import Material, Response
+from needlefem.materials.linear_elastic import LinearElastic
 from needlefem.materials.relaxation import Branch, branches_of
-from needlefem.materials.split import Split, plane_split, split
+from needlefem.materials.volumetric_split import Split, plane_split, split
 
 if TYPE_CHECKING:
     from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic

@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats
-from needlefem.knobs import knob
-from needlefem.materials.linear import LinearElastic, local_axes, turned
-from needlefem.materials.split import split_compliance
+from needlefem._arrays import Floats
+from needlefem._parameter import knob
+from needlefem.materials.linear_elastic import LinearElastic, local_axes, turned
+from needlefem.materials.volumetric_split import split_compliance
 
 
 def _orthotropic(moduli: Floats, ratios: Floats, shears: Floats) -> Floats:

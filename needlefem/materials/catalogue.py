@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 
-from needlefem import foreign
+from needlefem import _plugin as foreign
 from needlefem.errors import CaseError, matching, nearest, short
 
 HOMES = {

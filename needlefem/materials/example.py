@@ -5,8 +5,8 @@ import typing
 from collections.abc import Mapping
 from typing import Any
 
+from needlefem._parameter import Knob, knob_of
 from needlefem.errors import CaseError, nearest
-from needlefem.knobs import Knob, knob_of
 from needlefem.materials.catalogue import law_class
 from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import validate

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats
-from needlefem.knobs import knob
-from needlefem.materials.linear import LinearElastic
+from needlefem._arrays import Floats
+from needlefem._parameter import knob
+from needlefem.materials.linear_elastic import LinearElastic
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

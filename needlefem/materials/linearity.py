@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
-from needlefem.materials.linear import LinearElastic
-from needlefem.materials.protocol import Material
+from needlefem.materials.base import Material
+from needlefem.materials.linear_elastic import LinearElastic
 from needlefem.materials.relaxation import HasBranches
-from needlefem.materials.split import HasCompliance
+from needlefem.materials.volumetric_split import HasCompliance
 
 AMPLITUDES = (1e-3, 0.03, 0.3)
 """Displacement gradients of the trials: small, as in organs under a needle, and as at its tip."""

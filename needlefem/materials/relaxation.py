@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
 

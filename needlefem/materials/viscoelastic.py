@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
+from needlefem._parameter import knob
 from needlefem.errors import CaseError
-from needlefem.knobs import knob
 from needlefem.materials import voigt
 from needlefem.materials.isotropic import Isotropic
 from needlefem.materials.relaxation import Branch

@@ -6,7 +6,7 @@ is an energy.
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 IN_PLANE = (0, 1, 5)

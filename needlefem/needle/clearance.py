@@ -9,9 +9,9 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
-from needlefem.contour import Contour
-from needlefem.needle.axis import Axis
+from needlefem._arrays import Floats, Vector
+from needlefem.geometry.contour import Contour
+from needlefem.needle.insertion_axis import Axis
 from needlefem.scene import Scene
 
 EDGE = 1e-9

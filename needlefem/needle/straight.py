@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.fem.responses import Responses
-from needlefem.needle.contact import Contact
-from needlefem.needle.instrument import Instrument
+from needlefem.contact.condensed_contact import Contact
+from needlefem.fem.compliance import Responses
+from needlefem.needle.needle_interface import Instrument
 
 
 def straight_path(instrument: Instrument, responses: Responses, count: int) -> Contact:

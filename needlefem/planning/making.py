@@ -4,14 +4,14 @@ import dataclasses
 import time
 from typing import NamedTuple
 
-from needlefem.arrays import Floats, Vector
+from needlefem._arrays import Floats, Vector
+from needlefem._progress import doing
 from needlefem.checks.result import CheckResult
-from needlefem.fem.skin import Entry
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.estimate import NoEstimateError, estimate
+from needlefem.mesh.entry import Entry
+from needlefem.planning.error_estimate import NoEstimateError, estimate
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Estimate, Plan
-from needlefem.progress import doing
 
 
 class Clock:

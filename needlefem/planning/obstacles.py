@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from needlefem.arrays import Vector
-from needlefem.needle.axis import Axis
+from needlefem._arrays import Vector
 from needlefem.needle.clearance import Interval, Passing, blocked, gaps, merged, passings
+from needlefem.needle.insertion_axis import Axis
 from needlefem.planning.result import Release
 from needlefem.planning.search import Solution
 from needlefem.scene import Scene

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Vector
-from needlefem.checks.tissue import overlaps
+from needlefem._arrays import Vector
+from needlefem.checks.mesh_checks import overlaps
 from needlefem.errors import CaseError
 from needlefem.insertion.discretised import discretised
-from needlefem.insertion.ledger import ledger
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
 from needlefem.planning.headline import with_headline
@@ -103,7 +103,7 @@ def _along(
     clock = Clock()
     wanted = Wanted(target=target, search=search, all_solutions=all_solutions, clock=clock)
     if scene.planning.accuracy > 0.0:
-        from needlefem.planning.accuracy import make_accurate  # noqa: PLC0415
+        from needlefem.planning.adaptive import make_accurate  # noqa: PLC0415
 
         made, trail = make_accurate(scene, wanted, watch)
     else:

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 
-from needlefem.arrays import Floats, Vector
+from needlefem._arrays import Floats, Vector
 from needlefem.errors import CaseError
-from needlefem.insertion.path import Path
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
+from needlefem.insertion.trajectory import Path
 from needlefem.needle.clearance import Interval
 from needlefem.planning.obstacles import Candidate, Obstacles
 from needlefem.planning.reading import ROUND_OFF, Reader, Reading, Why, limit_sentence

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from needlefem.arrays import Vector
-from needlefem.insertion.path import Path, Reach
+from needlefem._arrays import Vector
 from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.trajectory import Path, Reach
 
 BROKEN = (Status.NOT_CONVERGED, Status.NO_NODE, Status.RESTICK)
 """How an insertion ends that could not be computed further."""

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from enum import StrEnum
 
-from needlefem.arrays import Vector
+from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.discretised import Discretised
 from needlefem.insertion.result import Insertion, Ledger

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 
 TIE = 1e-9
 """Errors that differ by less, relative, count as equal: then the height tried first is kept."""

@@ -5,10 +5,10 @@ import math
 
 import numpy as np
 
-from needlefem.arrays import Vector
+from needlefem._arrays import Vector
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.estimate import HALVED, NoEstimateError, offset_on, path_error
+from needlefem.planning.error_estimate import HALVED, NoEstimateError, offset_on, path_error
 from needlefem.planning.result import Plan
 from needlefem.scene import BoxMesh, Scene, one_contour_size, vary
 

@@ -1,8 +1,8 @@
 """The scene: all that a case says, as plain frozen dataclasses in SI units."""
 
+from needlefem.scene.discretization import DYNAMIC, Discretisation, Limits, Rayleigh
 from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
-from needlefem.scene.method import DYNAMIC, Discretisation, Limits, Rayleigh
-from needlefem.scene.parts import (
+from needlefem.scene.schema import (
     Expectation,
     Motion,
     Needle,

@@ -3,8 +3,8 @@
 import dataclasses
 from pathlib import Path
 
+from needlefem._parameter import knob
 from needlefem.errors import CaseError
-from needlefem.knobs import knob
 from needlefem.validation import Validated
 
 Coordinates = tuple[float, ...]

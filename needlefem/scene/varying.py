@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from needlefem._toml import key_parts
 from needlefem.errors import CaseError, nearest, short
-from needlefem.scene.parts import KEYS, Scene
-from needlefem.tomltext import key_parts
+from needlefem.scene.schema import KEYS, Scene
 from needlefem.validation import dotted, made
 
 ALIASES = {"discretization": "discretisation"} | {key: name for name, key in KEYS.items()}

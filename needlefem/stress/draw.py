@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
+from needlefem._arrays import Floats, Points
 from needlefem.elements import CATALOGUE
 from needlefem.stress.drawlaws import draw_law
 from needlefem.stress.drawmesh import draw_grid, grid_of_file

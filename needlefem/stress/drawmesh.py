@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
-from needlefem.contour import Contour
+from needlefem._arrays import Floats, Points
+from needlefem.geometry.contour import Contour
 from needlefem.stress.drawncase import DrawnMesh
 
 

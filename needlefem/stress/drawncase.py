@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from needlefem.arrays import Ints, Points
+from needlefem._arrays import Ints, Points
 
 EXPONENTS = {
     "length": ("m", 1, 0, 0),

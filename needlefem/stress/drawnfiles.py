@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Ints, Points
+from needlefem._arrays import Ints, Points
 from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, DrawnMesh, toml_lines
 
 SHAPES = {2: "line", 3: "triangle", 4: "quad"}

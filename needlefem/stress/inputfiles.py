@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Points
+from needlefem._arrays import Points
 from needlefem.errors import SimulationError
 from needlefem.stress.drawmesh import draw_grid, grid_of_file
 from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, Quantity

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from needlefem.errors import NeedlefemError
-from needlefem.output.saved import load_result
+from needlefem.io.saved_result import load_result
 from needlefem.stress.damage import CODE, PATHS, damage
 from needlefem.stress.inputfiles import KINDS, CommandLine, has_label_maps, sound_input
 from needlefem.stress.sceneruns import Fault

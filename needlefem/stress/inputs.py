@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from needlefem._table import Table
 from needlefem.stress.inputfiles import CommandLine, has_label_maps, make_results
 from needlefem.stress.inputruns import InputRun, check_input, draw_input, run_input
 from needlefem.stress.pool import Limits, Lost, work_through
 from needlefem.stress.sceneruns import Fault
-from needlefem.table import Table
 
 COUNT = 5000
 """Inputs when no number is given."""

@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.arrays import Floats, Points
+from needlefem._arrays import Floats, Points
 from needlefem.casefile.load import load_case
 from needlefem.errors import NeedlefemError
-from needlefem.fem.model import Model
-from needlefem.insertion.ledger import ledger
+from needlefem.fem.tissue_model import Model
+from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.motion_schedule import legs
 from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.schedule import legs
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import Way
 from needlefem.insertion.validity import validity
-from needlefem.output.files import to_json
-from needlefem.output.records import insertion_record, ledger_record
+from needlefem.io.files import to_json
+from needlefem.io.records import insertion_record, ledger_record
 from needlefem.planning.making import Wanted, make
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene

@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from needlefem._table import Table
 from needlefem.stress.draw import draw_case
 from needlefem.stress.drawnfiles import write_drawn_case
 from needlefem.stress.pool import Limits, Lost, work_through
 from needlefem.stress.sceneruns import Fault, SceneRun, run_scene
-from needlefem.table import Table
 
 COUNT = 2000
 """Scenes when no number is given."""

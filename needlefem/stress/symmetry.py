@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.arrays import Floats, SkfemMesh
+from needlefem._arrays import Floats, SkfemMesh
 from needlefem.casefile.load import load_case
-from needlefem.contour import Contour
-from needlefem.fem.build import build_model
-from needlefem.fem.model import Model
-from needlefem.resolve import resolve
+from needlefem.fem.tissue_model import Model
+from needlefem.geometry.contour import Contour
 from needlefem.scene import Scene, vary
+from needlefem.scene.build import build_model
+from needlefem.scene.resolve import resolve
 from needlefem.stress.drawncase import DrawnCase, Units, in_units
 from needlefem.stress.drawnfiles import write_drawn_case
 from needlefem.stress.sceneruns import Answer, Fault, carry_out

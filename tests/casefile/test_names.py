@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from needlefem._toml import assignment, comment, dotted_key, key_of, key_parts, quoted
 from needlefem.casefile.load import load_case
-from needlefem.casefile.starters.names import RESERVED, file_names, region_names
 from needlefem.cli.main import main
 from needlefem.errors import CaseError
-from needlefem.fem.build import build_mesh
+from needlefem.newcase.names import RESERVED, file_names, region_names
 from needlefem.scene import field_of, vary
-from needlefem.tomltext import assignment, comment, dotted_key, key_of, key_parts, quoted
-from tests.casefile.test_starters import answered
+from needlefem.scene.build import build_mesh
+from tests.newcase.test_new_cases import answered
 
 ODD = [
     "?", "background", "Background", "con", "CON", "../x", "/etc/passwd", "", " ", "Node", "node",
@@ -154,7 +154,7 @@ def test_contour_files_with_any_name(tmp_path: Path) -> None:
 
 
 def test_a_region_called_background_is_refused_in_a_case(gel: object) -> None:
-    from needlefem.contour import Contour
+    from needlefem.geometry.contour import Contour
     from needlefem.scene import Region
 
     square = Contour(np.array([[0.02, 0.02], [0.04, 0.02], [0.04, 0.04], [0.02, 0.04]]))

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from needlefem.checks.pair import inf_sup
+from needlefem.checks.element_material_checks import inf_sup
 from needlefem.checks.qualify import failures, qualify
 from needlefem.cli.main import main
 from needlefem.elements import CATALOGUE

@@ -9,7 +9,7 @@ import pytest
 from needlefem.casefile.load import load_case
 from needlefem.cli.ignored import unused_keys
 from needlefem.cli.main import main
-from needlefem.output.expectations import KEYS, LIST, TABLE, VALUE
+from needlefem.io.expectations import KEYS, LIST, TABLE, VALUE
 from needlefem.scene import Rayleigh, vary
 from tests.conftest import PAPER_CASE, ROOT
 
@@ -280,7 +280,7 @@ def test_too_coarse_a_mesh_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
 def test_no_renderer_ends_with_4(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from needlefem.output import driver
+    from needlefem.plotting import backend as driver
 
     monkeypatch.setattr(driver, "WINDOWS", ())
     driver.renderer.cache_clear()
@@ -309,7 +309,7 @@ def test_verify_unknown_problem(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 OWN = """
-from needlefem.checks.problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Answer, Findings, Problem
 
 def run(quick):
     return Findings(answers=[Answer(label="one", value=VALUE, reference=1.0, tolerance=1e-3)])

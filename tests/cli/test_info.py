@@ -6,7 +6,7 @@ import pytest
 
 import needlefem
 from needlefem.cli.main import main
-from needlefem.output import driver
+from needlefem.plotting import backend as driver
 
 
 def test_info_in_two_lines_and_as_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from needlefem.arrays import Floats
+from needlefem._arrays import Floats
 from needlefem.dynamics import (
     HHT,
     CentralDifference,

@@ -3,7 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from needlefem.checks.integration import Oscillator, spectral_radius, stability_limit
+from needlefem.checks.integrator_checks import Oscillator, spectral_radius, stability_limit
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import (
     HHT,

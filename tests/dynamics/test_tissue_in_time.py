@@ -4,8 +4,8 @@ import pytest
 from needlefem.checks.energy import energy_drift
 from needlefem.dynamics import Damping, Newmark, TissueSystem, kinetic_energy
 from needlefem.errors import CaseError
-from needlefem.fem.build import build_model
 from needlefem.scene import Scene, vary
+from needlefem.scene.build import build_model
 
 CALM = Newmark(beta=0.3025, gamma=0.6)
 

@@ -4,11 +4,11 @@ from skfem import Basis, MeshQuad
 
 from needlefem.checks.models import square_mesh
 from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.cellmap import BilinearMap
 from needlefem.fem.interpolation import Interpolation, OutsideError
-from needlefem.fem.locate import Locator
-from needlefem.fem.mesh import box, into_quadrilaterals, near_segment, refine
 from needlefem.fem.shapes import ShapeTable
+from needlefem.mesh.cell_location import Locator
+from needlefem.mesh.cell_map import BilinearMap
+from needlefem.mesh.generation import box, into_quadrilaterals, near_segment, refine
 
 
 @pytest.fixture(params=CATALOGUE.values(), ids=CATALOGUE)

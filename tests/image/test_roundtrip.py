@@ -8,11 +8,11 @@ import pytest
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.main import main
-from needlefem.contour import Contour
-from needlefem.fem.build import build_mesh
-from needlefem.output.saved import load_result
+from needlefem.geometry.contour import Contour
+from needlefem.io.saved_result import load_result
 from needlefem.planning.plan import plan
 from needlefem.scene import vary
+from needlefem.scene.build import build_mesh
 from tests.image import maps
 
 HALF_A_VOXEL = 0.5 * maps.SPACING.min()

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from needlefem.insertion.ledger import ledger
-from needlefem.insertion.march import March
+from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.path_following import March
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import Way

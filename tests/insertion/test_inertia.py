@@ -6,20 +6,20 @@ from typing import Any
 import numpy as np
 import pytest
 
+from needlefem.contact.friction import Friction
 from needlefem.dynamics import Damping, GeneralizedAlpha, Newmark, TissueSystem
 from needlefem.dynamics.steppers import Weights
 from needlefem.errors import CaseError
-from needlefem.fem.build import build_model
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.inertia import DynamicMedium, bound_radius, damping_of
-from needlefem.insertion.ledger import ledger
+from needlefem.insertion.motion_schedule import Tick
 from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.schedule import Tick
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import Way
-from needlefem.insertion.stepping import Stepping
+from needlefem.insertion.time_stepping import Stepping
 from needlefem.materials import Viscoelastic
-from needlefem.needle.friction import Friction
 from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
+from needlefem.scene.build import build_model
 
 SOME = Rayleigh(mass_rate=5.0, stiffness_time=2e-3)
 BOTH = pytest.mark.parametrize("integrator", DYNAMIC)

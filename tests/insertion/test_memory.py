@@ -12,12 +12,12 @@ import pytest
 
 import needlefem as nf
 from needlefem.elements import CATALOGUE
-from needlefem.fem.model import Model
-from needlefem.insertion.ledger import ledger
+from needlefem.fem.tissue_model import Model
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
-from needlefem.resolve import with_element
 from needlefem.scene import DYNAMIC, Scene, Stage, vary
+from needlefem.scene.resolve import with_element
 
 STAGES = (Stage(to=0.01), Stage(hold=0.1), Stage(to=0.004), Stage(to=0.012), Stage(to=0.0))
 

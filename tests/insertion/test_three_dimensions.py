@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 import skfem
 
-from needlefem.checks.lying import LyingNeedle
-from needlefem.checks.tissue import preflight
+from needlefem.checks.mesh_checks import preflight
 from needlefem.elements import ElementRow
 from needlefem.elements.quadrature import simplex
-from needlefem.fem.mesh import BACKGROUND
-from needlefem.fem.model import Model
-from needlefem.fem.responses import SharedResponses
+from needlefem.fem.compliance import SharedResponses
+from needlefem.fem.tissue_model import Model
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.fields import displacements
-from needlefem.insertion.ledger import ledger
-from needlefem.insertion.march import March
+from needlefem.insertion.path_following import March
 from needlefem.insertion.result import Insertion, Status
 from needlefem.materials import Isotropic
-from needlefem.needle.axis import Axis
-from needlefem.needle.instrument import Instrument
-from needlefem.needle.kernel import DiscKernel, cross_section
+from needlefem.mesh.generation import BACKGROUND
+from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.tip_kernel import DiscKernel, cross_section
 from needlefem.scene import Scene, Support, vary
+from verification.support.embedded_shaft import LyingNeedle
 
 TETRAHEDRON = ElementRow(
     name="T1",

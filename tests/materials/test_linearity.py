@@ -13,8 +13,8 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.materials import LAWS, Isotropic, Response, law_class, split
 from needlefem.materials.example import example
 from needlefem.materials.linearity import refuse_nonlinear
-from needlefem.resolve import with_element
 from needlefem.scene import Discretisation, Scene, vary
+from needlefem.scene.resolve import with_element
 
 RUNNING = ("quasi-static", "newmark", "generalised-alpha")
 

@@ -3,7 +3,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from needlefem.checks.law import check_law
+from needlefem.checks.material_checks import check_law
 from needlefem.errors import CaseError
 from needlefem.materials import (
     Isotropic,

@@ -3,7 +3,7 @@ import pytest
 from needlefem.casefile.reader import Reader
 from needlefem.errors import CaseError
 from needlefem.materials import Material, split
-from needlefem.materials.tissues import library, tissue_table
+from needlefem.materials.tissue_library import library, tissue_table
 
 
 @pytest.mark.parametrize("name", library())

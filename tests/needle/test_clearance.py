@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from needlefem.contour import Contour
-from needlefem.needle.axis import Axis
+from needlefem.geometry.contour import Contour
 from needlefem.needle.clearance import blocked, distance, gaps, merged
+from needlefem.needle.insertion_axis import Axis
 
 DOWN = Axis(np.array([0.0, 0.0]), np.array([0.0, 1.0]))
 BOX = Contour(np.array([[0.01, 0.02], [0.03, 0.02], [0.03, 0.04], [0.01, 0.04]]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from needlefem.insertion.simulation import Simulation
-from needlefem.needle.instrument import Instrument
+from needlefem.needle.needle_interface import Instrument
 from needlefem.scene import Scene, vary
 
 

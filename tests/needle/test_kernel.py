@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from needlefem.needle.axis import Axis
-from needlefem.needle.kernel import DiscKernel, PointKernel, cross_section
+from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.tip_kernel import DiscKernel, PointKernel, cross_section
 
 INWARD = np.array([0.0, 1.0])
 SKIN = np.array([0.2, 0.0])

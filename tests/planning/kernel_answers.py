@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 
+from needlefem.alterovitz2003.plan import paper_plan, refined
+from needlefem.alterovitz2003.simulation import InTime, NodeSimulation
 from needlefem.casefile.load import load_case
-from needlefem.contour import Contour
-from needlefem.insertion.nodesimulation import InTime, NodeSimulation
+from needlefem.geometry.contour import Contour
 from needlefem.materials import Isotropic
-from needlefem.planning.paper import paper_plan, refined
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan
 from needlefem.scene import (

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from needlefem.contour import Contour
 from needlefem.errors import CaseError
+from needlefem.geometry.contour import Contour
 from needlefem.insertion.simulation import Simulation
-from needlefem.needle.axis import Axis
 from needlefem.needle.clearance import distance
+from needlefem.needle.insertion_axis import Axis
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, PlanStatus

@@ -11,13 +11,13 @@ import pytest
 from PIL import Image
 
 import needlefem as nf
+from needlefem.alterovitz2003.plan import paper_plan
 from needlefem.errors import CaseError
-from needlefem.insertion.ledger import ledger
-from needlefem.insertion.path import Path as CutPath
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.trajectory import Path as CutPath
 from needlefem.insertion.validity import validity
-from needlefem.planning.paper import paper_plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene, Stage, vary

@@ -9,8 +9,8 @@ from needlefem.materials import Viscoelastic
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import PlanStatus
-from needlefem.planning.studies.common import carry_out
 from needlefem.scene import Scene, vary
+from needlefem.studies.common import carry_out
 
 
 def test_plan_hits_and_carrying_it_out_hits_again(organ: Scene) -> None:

@@ -8,17 +8,17 @@ import pytest
 
 from needlefem.casefile.load import load_case
 from needlefem.errors import SimulationError
-from needlefem.fem.build import build_mesh
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation
-from needlefem.output.records import plan_record
+from needlefem.io.records import plan_record
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import Reader, Why, at_jump
 from needlefem.planning.result import PlanStatus
-from needlefem.planning.studies import robust, targets
-from needlefem.planning.studies.common import carry_out
 from needlefem.scene import Scene, TargetDraw, vary
+from needlefem.scene.build import build_mesh
+from needlefem.studies import robust, targets
+from needlefem.studies.common import carry_out
 from tests.conftest import ROOT
 
 FAULTS = ROOT / "tests" / "faults"

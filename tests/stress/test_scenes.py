@@ -9,7 +9,7 @@ import pytest
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.main import main
-from needlefem.insertion.ledger import ledger
+from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.simulation import simulate
 from needlefem.insertion.state import Way
 from needlefem.scene import Scene, Stage, vary

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from needlefem.casefile.load import load_case
-from needlefem.fem.build import build_mesh
+from needlefem.scene.build import build_mesh
 
 FILLED = {
     "materials.background.youngs_modulus": "10 kPa",

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import needlefem
-from needlefem.output.resultfolder import result_folder
+from needlefem.io.result_folder import result_folder
 
 OTHER = ["--set", 'needle.cutting_force="100 N/m"', "--no-pictures", "--out", "o"]
 
@@ -61,7 +61,7 @@ def test_a_file_of_the_users_with_one_of_our_names_stays(folder, run):
 def test_of_two_simultaneous_runs_one_is_refused(folder, run):
     shutil.rmtree("o", ignore_errors=True)
     code = (
-        "import sys; from needlefem.output.resultfolder import result_folder\n"
+        "import sys; from needlefem.io.result_folder import result_folder\n"
         "with result_folder('o', 'run') as folder:\n"
         "    folder.begin(); print('in', flush=True); sys.stdin.read()\n"
     )

@@ -1,0 +1,163 @@
+"""Contact of a needle with the nodes on it, in one time step."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem._arrays import Floats, Ints, Vector
+from needlefem.alterovitz2003.active_set import Limits, Settled, settle
+from needlefem.alterovitz2003.functionals import Touch
+from needlefem.alterovitz2003.moving_tissue import MovingTissue, Response
+from needlefem.alterovitz2003.node_chain import NodeChain
+from needlefem.insertion.state import State, Way
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Memory:
+    """What a step starts from: forces with what is held, and axial displacements of the shaft."""
+
+    settled: Settled
+    before: Floats
+
+
+class NodeContact:
+    """Forces between needle and nodes.
+
+    Rows are the axial displacements of the nodes on the shaft, then the lateral ones, then the
+    axial and the lateral one of the tip.
+
+    Parameters
+    ----------
+    tissue : MovingTissue
+    chain : NodeChain
+    touch : Touch
+    grip : float
+        Static over kinetic friction.
+
+    Attributes
+    ----------
+    evaluations : int
+    """
+
+    def __init__(self, tissue: MovingTissue, chain: NodeChain, touch: Touch, grip: float) -> None:
+        self._tissue, self._chain, self._touch, self._grip = tissue, chain, touch, grip
+        self.evaluations = 0
+        self.memory = Memory(Settled(np.zeros(2), np.zeros(2), np.ones(2, dtype=bool)), np.zeros(0))
+        self.look()
+
+    def look(self) -> None:
+        """Choose anew what the needle weighs, after nodes were moved."""
+        chain = self._chain
+        shaft, near = self._touch.look(chain.tip_node, chain.tip, chain.nodes)
+        self._tissue.freeze(chain.tip_node, shaft, near)
+        before = self._tissue.moved(shaft) @ self._tissue.frame[0]
+        self.memory = dataclasses.replace(self.memory, before=before)
+        self._friction = self._touch.friction(chain.mesh.points[chain.nodes])
+
+    def take_on(self) -> None:
+        """Go on with one more node on the shaft, which slides to begin with."""
+        count, last = len(self._chain.shaft) - 1, self.memory.settled
+        rows = [count, 2 * count]
+        settled = Settled(
+            np.insert(last.forces, rows, [1.0, 0.0]),
+            np.insert(last.moved, rows, 0.0),
+            np.insert(last.held, rows, [False, True]),
+        )
+        self.memory = dataclasses.replace(self.memory, settled=settled)
+
+    def keep(self, kept: int) -> None:
+        """Go on with the first nodes on the shaft alone."""
+        last = self.memory.settled
+        count = len(last.forces) // 2 - 1
+        rows: Ints = np.r_[:kept, count : count + kept, 2 * count : 2 * count + 2]
+        settled = Settled(last.forces[rows], last.moved[rows], last.held[rows])
+        self.memory = dataclasses.replace(self.memory, settled=settled)
+
+    def evaluate(
+        self, point: Vector, depth: float, travel: float, way: Way, *, endless: bool = False
+    ) -> tuple[Response, Settled]:
+        """Return the tissue's response and the forces with the tip's node at a point.
+
+        A tip that presses holds its point up to the force of cutting (or `endless`). One that
+        cuts has that force, and of the lateral force on the newest node of the shaft what its
+        own share of the path takes. One that is withdrawn has none.
+
+        Parameters
+        ----------
+        point : array, shape (2,), m
+        depth, travel : float, m
+            At the step's end, and over the step.
+        way : Way
+        """
+        self.evaluations += 1
+        chain, axis = self._chain, self._chain.axis
+        response = self._tissue.respond(point, self._touch.tip(chain.tip_node, point))
+        shares = chain.shares(None if way is Way.WITHDRAWN else point)
+        limits = self._limits(point, shares, way, endless=endless)
+        where = np.vstack([chain.mesh.points[chain.nodes], point])
+        offset, ahead = axis.offset(where)[:, 0], depth - float(axis.along(point))
+        with_needle = self.memory.before + travel
+        target = np.concatenate([with_needle, -offset[:-1], [ahead, -offset[-1]]])
+        matrix, free = response.compliance, response.free
+        share = shares[-1] / shares[-2] if way is Way.CUTTING else 0.0
+        if share:  # the newest node's lateral force acts on both
+            matrix, free = matrix.copy(), free.copy()
+            matrix[-3] += share * matrix[-1]
+            matrix[:, -3] += share * matrix[:, -1]
+            free[-3] += share * free[-1]
+            target[-3] += share * target[-1]
+        found = settle(matrix, free, target, limits, self.memory.settled)
+        if not share:
+            return response, found
+        forces = found.forces.copy()
+        forces[-1] = share * forces[-3]
+        moved = response.free + response.compliance @ forces
+        return response, Settled(forces, moved, found.held)
+
+    def _limits(self, point: Vector, shares: Floats, way: Way, *, endless: bool) -> Limits:
+        friction = shares * np.append(self._friction, self._touch.friction(point[None]))
+        push = np.inf if endless else self._touch.cutting_force(point) + friction[-1]
+        count = len(friction) - 1
+        high = np.full(2 * count + 2, np.inf)
+        high[:count], high[-2] = friction[:-1], push
+        low = -high
+        low[-2] = -friction[-1]
+        if way is Way.WITHDRAWN:
+            low[-2:] = high[-2:] = 0.0
+        elif way is Way.CUTTING:
+            low[-2:] = high[-2:] = [push, 0.0]
+        return Limits(low, high, self._grip)
+
+    def finish(self, response: Response, settled: Settled) -> None:
+        """End the step under the forces found."""
+        self._tissue.finish(response, settled.forces)
+        self.memory = Memory(settled, settled.moved[: len(self._chain.shaft)])
+
+    def state(self, depth: float, time: float, way: Way) -> State:
+        """Return the present state; the last of the axial forces is the friction at the tip."""
+        chain, settled = self._chain, self.memory.settled
+        count, forces, moved = len(chain.shaft), settled.forces, settled.moved
+        limit, share = self._touch.cutting_force(chain.tip), 0.0
+        if way is not Way.WITHDRAWN:
+            share = float(self._touch.friction(chain.tip[None])[0] * chain.shares(chain.tip)[-1])
+        force = float(forces[-2]) * limit / (limit + share)
+        weights = self._touch.tip(chain.tip_node, chain.mesh.points[chain.tip_node])
+        on_path = count + 1 if count else 0
+        return State(
+            depth=depth,
+            tip=chain.tip,
+            tip_force=force,
+            cutting_force=limit,
+            tip_lateral=forces[-1:],
+            tip_nodes=weights.nodes,
+            tip_weights=weights.rows[0],
+            axial=np.append(forces[:count], forces[-2] - force)[:on_path],
+            lateral=np.append(forces[count:-2], 0.0)[:on_path, None],
+            moved=np.column_stack(
+                [np.append(moved[:count], moved[-2]), np.append(moved[count:-2], moved[-1])]
+            )[:on_path],
+            time=time,
+            covered=chain.lengths[-1],
+            way=way,
+            tip_moved=float(moved[-2]),
+        )

@@ -1,0 +1,245 @@
+"""Properties of an integrator, measured on one degree of freedom."""
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+from scipy.linalg import expm
+
+from needlefem._arrays import Floats
+from needlefem.checks.result import CheckResult, outcome
+from needlefem.dynamics import EnergyLedger, Integrator, MatrixSystem, Motion
+from needlefem.dynamics.histories import Load, iterate, last
+from needlefem.errors import CaseError
+
+DAMPED_RATIO = 0.1
+"""Share of critical damping in the checks that need some."""
+BRANCH_TIME = 0.7
+"""Relaxation time of the viscoelastic oscillator, in units of its relaxed spring's."""
+
+GROWTH = 1e-7
+"""Of a free motion in a step, which is round-off: eigenvalues that coincide keep half the digits.
+"""
+GRID = np.geomspace(1e-2, 1e3, 101)
+"""Steps, times the angular frequency, at which stability is looked at."""
+
+
+class Oscillator(MatrixSystem):
+    """One mass on a spring of angular frequency 1, damped by a share of the critical."""
+
+    def __init__(self, ratio: float = 0.0) -> None:
+        one = np.ones((1, 1))
+        super().__init__(one, one, 2.0 * ratio * one if ratio else None)
+
+
+class Forgetful(MatrixSystem):
+    """A mass on a spring with a Maxwell branch of the same stiffness beside it."""
+
+    def __init__(self, time: float) -> None:
+        one = np.ones((1, 1))
+        super().__init__(one, one, branches=[(time, one)])
+
+
+def amplification(integrator: Integrator, step: float, ratio: float = 0.0) -> Floats:
+    """Return the matrix that takes ``(u, dt v, dt^2 a)`` over a free step, shape (3, 3).
+
+    `step` is the angular frequency times the time step.
+    """
+    stepper = integrator.stepper(Oscillator(ratio), step)
+    scale = np.array([1.0, step, step**2])
+    columns = []
+    for unit in np.eye(3):
+        u, v, a = (np.array([x]) for x in unit / scale)
+        zero = np.zeros(1)
+        moved = stepper.advance_under(Motion(u, v, a), zero, zero)
+        columns.append(scale * np.concatenate([moved.u, moved.v, moved.a]))
+    return np.array(columns).T
+
+
+def spectral_radius(integrator: Integrator, step: float, ratio: float = 0.0) -> float:
+    """Return the largest eigenvalue of a free step, absolute."""
+    return float(np.abs(np.linalg.eigvals(amplification(integrator, step, ratio))).max())
+
+
+def principal(integrator: Integrator, step: float, ratio: float = 0.0) -> complex:
+    """Return the eigenvalue of a free step that stands for the motion (upper half plane)."""
+    values = np.linalg.eigvals(amplification(integrator, step, ratio))
+    exact = np.exp(complex(-ratio, np.sqrt(1.0 - ratio**2)) * step)
+    return complex(values[np.argmin(np.abs(values - exact))])
+
+
+def period_error(integrator: Integrator, step: float) -> float:
+    """Return the relative error of the period of a free, undamped motion."""
+    return step / abs(float(np.angle(principal(integrator, step)))) - 1.0
+
+
+def _final_error(integrator: Integrator, count: int, load: Load | None, *, memory: bool) -> float:
+    """Return the error of displacement and velocity at time 2, damped, pushed or free."""
+    system = Forgetful(BRANCH_TIME) if memory else Oscillator(DAMPED_RATIO)
+    stepper = integrator.stepper(system, 2.0 / count)
+    first = np.zeros(1) if load is None else load(0.0)
+    motion = stepper.start(np.array([0.3]), np.array([-0.2]), first)
+    found = last(iterate(stepper, motion, load, count))
+    exact = _exact(2.0, pushed=load is not None, memory=memory)
+    return float(np.linalg.norm(np.concatenate([found.u, found.v]) - exact))
+
+
+def _push(time: float) -> Floats:
+    return np.array([np.sin(1.7 * time)])
+
+
+def _exact(time: float, *, pushed: bool, memory: bool) -> Floats:
+    """Return displacement and velocity of the oscillator, by its matrix exponential."""
+    rate = np.zeros((5, 5))  # displacement, velocity, branch, push and its rate
+    rate[0, 1], rate[1, 0] = 1.0, -1.0
+    if memory:
+        rate[1, 2], rate[2, 1], rate[2, 2] = -1.0, 1.0, -1.0 / BRANCH_TIME
+    else:
+        rate[1, 1] = -2.0 * DAMPED_RATIO
+    rate[1, 3] = 1.0 if pushed else 0.0
+    rate[3, 4], rate[4, 3] = 1.0, -(1.7**2)  # the push is itself an oscillator
+    found: Floats = expm(rate * time) @ np.array([0.3, -0.2, 0.0, 0.0, 1.7])
+    return found[:2]
+
+
+def order(integrator: Integrator, *, pushed: bool, memory: bool = False) -> float:
+    """Return the observed order of convergence in time, pushed or free.
+
+    Of an oscillator with a dashpot, or with a viscoelastic branch.
+    """
+    load = _push if pushed else None
+    errors = [_final_error(integrator, count, load, memory=memory) for count in (400, 800)]
+    return float(np.log2(errors[0] / errors[1]))
+
+
+def check_integrator(
+    integrator: Integrator, theory: float = 2.0, names: Collection[str] = ()
+) -> tuple[CheckResult, ...]:
+    """Run the checks of an integrator that moves mass: all of them, or those of `names`.
+
+    Parameters
+    ----------
+    integrator : Integrator
+    theory : float
+        Its order of convergence.
+    names : collection of str
+        Names of checks; all if empty.
+    """
+    loose = theory < 2.0
+    checks: dict[str, tuple[str, Callable[[], float], float]] = {
+        "order, free": (f"errors fall with power {theory:g} of the step",
+                        lambda: abs(order(integrator, pushed=False) - theory), 0.05),
+        "order, pushed": (f"so they do under a load: power {theory:g}",
+                          lambda: abs(order(integrator, pushed=True) - theory), 0.05),
+        "order, memory": (f"so they do for viscoelastic tissue: power {theory:g}",
+                          lambda: abs(order(integrator, pushed=True, memory=True) - theory), 0.05),
+        "stability": ("no free motion grows, for steps below the stable one",
+                      lambda: _largest_radius(integrator) - 1.0, GROWTH),
+        "damping": ("a tenth of critical damping shows in a free motion",
+                    lambda: _damping_error(integrator), 2e-2 if loose else 1e-3),
+        "period": ("the period of slow motion is right",
+                   lambda: abs(period_error(integrator, 0.02)), 1e-4),
+        "energy": ("work is what motion, spring and dashpot take",
+                   lambda: energy_taken(integrator), 2e-2 if loose else 1e-4),
+        "free flight": ("a body that nothing holds flies straight on",
+                        lambda: _flight(integrator), 1e-12),
+        "free fall": ("a constant force on it gives a constant acceleration",
+                      lambda: _fall(integrator), 1e-10),
+        "rest": ("a load that is held ends in equilibrium",
+                 lambda: _equilibrium(integrator), 1e-9),
+    }  # fmt: skip
+    return tuple(
+        outcome(name, requirement, measure(), bound)
+        for name, (requirement, measure, bound) in checks.items()
+        if name in names or not names
+    )
+
+
+def _damping_error(integrator: Integrator) -> float:
+    decay = -np.log(abs(principal(integrator, 0.02, DAMPED_RATIO))) / 0.02
+    return float(abs(decay / DAMPED_RATIO - 1.0))
+
+
+def _largest_radius(integrator: Integrator) -> float:
+    """Return the largest spectral radius over the steps of the grid that are accepted."""
+    accepted = [float(step) for step in GRID if _accepts(integrator, float(step))]
+    return max(spectral_radius(integrator, step) for step in accepted)
+
+
+def _accepts(integrator: Integrator, step: float) -> bool:
+    try:
+        integrator.stepper(Oscillator(), step)
+    except CaseError:  # explicit ones refuse what is above their limit
+        return False
+    return True
+
+
+def stability_limit(integrator: Integrator) -> float:
+    """Return the largest ``w dt`` that is accepted and lets no free motion grow.
+
+    Infinite if there is none up to 1e3.
+    """
+
+    def holds(step: float) -> bool:
+        if not _accepts(integrator, step):
+            return False
+        return spectral_radius(integrator, step) <= 1.0 + GROWTH
+
+    beyond = next((float(step) for step in GRID if not holds(float(step))), np.inf)
+    low, high = 0.0, beyond
+    while np.isfinite(high) and high - low > 1e-6 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return high
+
+
+def energy_taken(integrator: Integrator) -> float:
+    """Return the share of a push's turnover that the integrator takes, on a damped oscillator."""
+    step = 0.01
+    stepper = integrator.stepper(Oscillator(DAMPED_RATIO), step)
+    ledger = EnergyLedger(stepper)
+    motion = stepper.start(np.array([0.3]), np.array([-0.2]), _push(0.0))
+    for number in range(2000):
+        before, after = _push(step * number), _push(step * (number + 1))
+        old, motion = motion, stepper.advance_under(motion, before, after)
+        ledger.add(old, motion, before, after)
+    return abs(ledger.algorithmic) / ledger.turnover + ledger.residual
+
+
+def measured(integrator: Integrator) -> dict[str, float]:
+    """Return what tells one integrator from another, by name."""
+    accepted = [step for step in (0.1, 1.0, 10.0, 1e3) if _accepts(integrator, step)]
+    return {
+        "order": order(integrator, pushed=True),
+        "period error at dt = T/20": period_error(integrator, 0.1 * np.pi),
+        "energy taken": energy_taken(integrator),
+        "stability limit of w dt": stability_limit(integrator),
+        **{f"spectral radius at w dt = {step:g}": spectral_radius(integrator, step)
+           for step in accepted},
+    }  # fmt: skip
+
+
+def _loose() -> MatrixSystem:
+    """Return a mass that almost nothing holds."""
+    return MatrixSystem(np.ones((1, 1)), 1e-30 * np.ones((1, 1)))
+
+
+def _flight(integrator: Integrator) -> float:
+    stepper = integrator.stepper(_loose(), 0.1)
+    motion = stepper.start(np.array([1.0]), np.array([2.0]))
+    found = last(iterate(stepper, motion, None, 50))
+    return float(abs(found.u[0] - 11.0) + abs(found.v[0] - 2.0))
+
+
+def _fall(integrator: Integrator) -> float:
+    stepper = integrator.stepper(_loose(), 0.1)
+    force = np.array([3.0])
+    motion = stepper.start(np.zeros(1), np.zeros(1), force)
+    found = last(iterate(stepper, motion, lambda _: force, 50))
+    return float(abs(found.u[0] - 37.5) + abs(found.v[0] - 15.0))
+
+
+def _equilibrium(integrator: Integrator) -> float:
+    stepper = integrator.stepper(Oscillator(0.5), 0.2)
+    force = np.array([2.0])
+    motion = stepper.start(np.zeros(1), np.zeros(1), force)
+    return float(abs(last(iterate(stepper, motion, lambda _: force, 400)).u[0] - 2.0))

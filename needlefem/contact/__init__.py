@@ -1,0 +1,1 @@
+"""Contact of needle and tissue: functionals, condensed equations, friction."""

@@ -1,0 +1,268 @@
+"""Contact between needle and tissue in terms of the tissue's responses.
+
+Everything that touches the needle is a linear functional of the displacement: the mean over the
+tip's kernel, the mean over a piece of the cut path. The tissue enters through the responses of
+these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Lateral forces on
+the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
+"""
+
+import numpy as np
+from scipy.linalg.lapack import dtrtrs
+
+from needlefem._arrays import Floats, Ints, enlarged
+from needlefem.contact.functionals import Piece, Sliding, Trial
+from needlefem.fem.compliance import Responses
+from needlefem.fem.interpolation import Weights
+
+
+class Contact:
+    """The path's pieces and their responses; grows as the needle advances.
+
+    A needle drawn back lies in the first `covered` pieces of its path; what belongs to these is
+    the leading part of everything kept here.
+
+    Parameters
+    ----------
+    responses : Responses
+        Of the step's operator.
+    frame : array, shape (dim, dim)
+        Rows: needle direction, lateral directions.
+    background : array, shape (nnodes, dim), m, optional
+        Displacement that the tissue would have without the needle at this step (dynamics).
+
+    Attributes
+    ----------
+    swing : array, shape (3, npieces), or None
+        Of tissue with inertia, for each piece along the needle: half the way that it would go in
+        this step at the velocity at its start, and at its mean velocity in the step before, m;
+        and its compliance if inertia alone held it, m/N.
+    """
+
+    def __init__(
+        self, responses: Responses, frame: Floats, background: Floats | None = None
+    ) -> None:
+        self.responses, self.frame = responses, frame
+        self.dim = len(frame)
+        self.pieces: list[Piece] = []
+        self.covered = 0
+        self.axial: Floats = np.zeros(0)
+        self.background = background
+        self.swing: Floats | None = None
+        self._loads: list[tuple[Ints, Floats]] = []
+        self._offsets: Floats = np.zeros(0)
+        self._columns = np.zeros((0, 0))
+        self._known_rows = 0
+        self._w = np.zeros((0, 0))
+        self._cholesky = np.zeros((0, 0))
+        self._reduced: Floats = np.zeros(0)
+        self._factor: Floats = np.zeros((0, 0))
+        self._asked: Ints | None = None
+        self._near: Floats = np.zeros((0, 0))
+
+    @property
+    def _laterals(self) -> Ints | slice:
+        """Path rows of lateral components."""
+        if self.dim == 2:
+            return slice(1, self._size, 2)
+        return np.arange(self._size).reshape(-1, self.dim)[:, 1:].ravel()
+
+    def _columns_at(self, rows: Ints) -> Floats:
+        """Return the covered pieces' columns on rows; the same rows are asked for many times."""
+        if self._asked is not rows or self._near.shape[1] != self._size:
+            self._asked, self._near = rows, self._columns[rows, : self._size]
+        return self._near
+
+    def try_functionals(self, weights: Weights) -> Trial:
+        """Return the tissue's response at functionals, given the path so far."""
+        rows = self.responses.rows(weights.nodes)
+        self._follow_growth()
+        count = len(weights.rows) * self.dim
+        loads = (weights.rows[:, None, :, None] * self.frame[:, None, :]).reshape(count, -1)
+        response = self.responses.respond(rows, loads)
+        bare = loads @ response.at(rows)
+        coupling = loads @ self._columns_at(rows)
+        displacement = coupling[:, :: self.dim] @ self.axial[: self.covered]
+        if self.background is not None:
+            displacement += (weights.of(self.background) @ self.frame.T).ravel()
+        half = self._forward(coupling[:, self._laterals].T)
+        compliance = bare - half.T @ half
+        displacement = displacement + half.T @ self._reduced
+        return Trial(weights, loads, rows, response, bare, coupling, half, compliance, displacement)
+
+    def _forward(self, rhs: Floats) -> Floats:
+        """Return ``L^-1 rhs``."""
+        if not self.covered:
+            return rhs
+        solved, _ = dtrtrs(self._factor, rhs, lower=1)
+        found: Floats = solved
+        return found
+
+    def _follow_growth(self) -> None:
+        """Compute the pieces' responses at nodes that were touched since."""
+        size = self.responses.size
+        if size > self._known_rows:
+            self._columns = enlarged(self._columns, size, 0)
+            for number, (rows, loads) in enumerate(self._loads):
+                columns = slice(number * self.dim, (number + 1) * self.dim)
+                new = self.responses.respond(rows, loads).after(self._known_rows)
+                self._columns[self._known_rows : size, columns] = new
+            self._known_rows = size
+
+    def field_at(self, nodes: Ints, path: Floats, trial: Trial | None, forces: Floats) -> Floats:
+        """Return the displacement of nodes under forces, shape (len(nodes), dim), m.
+
+        Parameters
+        ----------
+        nodes : array, shape (k,)
+        path : array, shape (n,)
+            Forces on the first pieces, needle's frame, piece-major.
+        trial : Trial, optional
+            Functionals on which there are forces as well.
+        forces : array, shape (rows,)
+            Forces on them.
+        """
+        rows = self.responses.rows(nodes)
+        self._follow_growth()
+        moved: Floats = self._columns[rows, : len(path)] @ path
+        if trial is not None:
+            moved = moved + trial.response.at(rows) @ forces
+        return moved.reshape(-1, self.dim)
+
+    def adopt(
+        self, trial: Trial, which: int, axial: float, offset: Floats, compliance: float
+    ) -> None:
+        """Make a tried functional a piece of the path, all of which is covered.
+
+        Parameters
+        ----------
+        trial : Trial
+            Tried against the path as it is.
+        which : int
+            Number of the functional in the trial.
+        axial : float, N (N/m in 2D)
+            Friction force on it from now on.
+        offset : array, shape (dim - 1,), m
+            Lateral offset of its material from the axis, undeformed.
+        compliance : float, m/N
+            Of its lateral hold.
+        """
+        dim, number = self.dim, len(self.pieces)
+        mine = slice(which * dim, (which + 1) * dim)
+        lateral = slice(which * dim + 1, (which + 1) * dim)
+        size, laterals = (number + 1) * dim, (number + 1) * (dim - 1)
+        self._columns = enlarged(self._columns, self._known_rows, size)
+        columns = trial.response.after(0, mine)[: self._known_rows]
+        self._columns[: self._known_rows, size - dim : size] = columns
+        self._loads.append((trial.rows, trial.loads[mine]))
+        self._w = enlarged(self._w, size, size)
+        self._w[size - dim : size, : size - dim] = trial.coupling[mine]
+        self._w[: size - dim, size - dim : size] = trial.coupling[mine].T
+        self._w[size - dim : size, size - dim : size] = trial.bare[mine, mine]
+        self._cholesky = enlarged(self._cholesky, laterals, laterals)
+        hold = trial.compliance[lateral, lateral].copy()
+        hold.flat[::dim] += compliance  # the diagonal
+        rows = slice(laterals - dim + 1, laterals)
+        self._cholesky[rows, : rows.start] = trial.half[:, lateral].T
+        self._cholesky[rows, rows] = np.sqrt(hold) if dim == 2 else np.linalg.cholesky(hold)
+        row = trial.weights.rows[which]
+        used = np.flatnonzero(row)
+        self.pieces.append(Piece(trial.weights.nodes[used], row[used], offset, compliance))
+        self._offsets = np.concatenate([self._offsets, offset])
+        self.axial = np.concatenate([self.axial, [axial]])
+        self.covered = number + 1
+        self.balance()
+
+    def cover(self, count: int) -> None:
+        """Let the needle lie in the first `count` pieces."""
+        self.covered = count
+        self.balance()
+
+    def load(self, axial: Floats) -> None:
+        """Let the needle lie in as many pieces as there are friction forces on them."""
+        self.axial = np.zeros(len(self.pieces))
+        self.axial[: len(axial)] = axial
+        self.cover(len(axial))
+
+    def balance(self) -> None:
+        """Prepare the elimination of lateral forces for the present friction and background."""
+        self._reduced = np.zeros(0)
+        if self.covered:
+            size, laterals = self.covered * (self.dim - 1), self._laterals
+            if len(self._factor) != size:  # in the order of LAPACK, which would copy it each time
+                self._factor = np.asfortranarray(self._cholesky[:size, :size])
+            free = self._w[laterals, : self._size : self.dim] @ self.axial[: self.covered]
+            self._reduced = self._forward(-(self._gap() + free))
+
+    def _gap(self) -> Floats:
+        """Lateral distance of the covered pieces from the axis without any force on them."""
+        gap = self._offsets[: self.covered * (self.dim - 1)]
+        if self.background is None:
+            return gap
+        found: Floats = gap + self._background()[self._laterals]
+        return found
+
+    def sliding(self) -> Sliding:
+        """Return how the covered pieces move along the needle when nothing is said of friction."""
+        axials = np.arange(0, self._size, self.dim)
+        half, held = np.zeros((0, len(axials))), np.zeros(0)
+        if self.covered:
+            half = self._forward(self._w[self._laterals][:, axials])
+            held = self._forward(-self._gap())
+        compliance = self._w[np.ix_(axials, axials)] - half.T @ half
+        displacement = self._background()[axials] + half.T @ held
+        return Sliding(compliance, displacement, half, held)
+
+    @property
+    def _size(self) -> int:
+        return self.covered * self.dim
+
+    def _background(self) -> Floats:
+        """Displacement of the pieces without the needle, path rows."""
+        if self.background is None:
+            return np.zeros(self._size)
+        field = self.background
+        covered = self.pieces[: self.covered]
+        means = np.array([piece.weights @ field[piece.nodes] for piece in covered])
+        rows: Floats = (means @ self.frame.T).ravel()
+        return rows
+
+    def lateral_forces(self, trial: Trial, forces: Floats) -> Floats:
+        """Return the path's lateral forces, shape (npieces, dim - 1), N (N/m in 2D).
+
+        Parameters
+        ----------
+        trial : Trial
+            Tried against the path as it is.
+        forces : array, shape (rows,)
+            Forces on the trial's functionals.
+        """
+        if not self.covered:
+            return np.zeros((0, self.dim - 1))
+        rhs = self._reduced - trial.half @ forces
+        solved, _ = dtrtrs(self._factor, rhs, lower=1, trans=1)
+        return np.asarray(solved).reshape(-1, self.dim - 1)
+
+    def displacements(self, laterals: Floats, trial: Trial, forces: Floats) -> Floats:
+        """Return mean displacements of the pieces, then of the functionals tried.
+
+        Parameters
+        ----------
+        laterals : array, shape (npieces, dim - 1)
+            Lateral forces on the pieces, as `lateral_forces` gives them.
+        trial : Trial
+            Tried against the path as it is.
+        forces : array, shape (rows,)
+            Forces on the trial's functionals.
+
+        Returns
+        -------
+        array, shape (npieces + functionals, dim), m
+            In the needle's frame: axial, then lateral components.
+        """
+        path = np.hstack([self.axial[: self.covered, None], laterals]).ravel()
+        w = self._w[: self._size, : self._size]
+        pieces = w @ path + trial.coupling.T @ forces + self._background()
+        tried = trial.coupling @ path + trial.bare @ forces
+        if self.background is not None:
+            tried += (trial.weights.of(self.background) @ self.frame.T).ravel()
+        return np.concatenate([pieces, tried]).reshape(-1, self.dim)

@@ -1,0 +1,214 @@
+"""Friction of shaft and tissue: limits that weaken with slip, and their return mapping."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem._arrays import Bools, Floats
+from needlefem.contact.bound_qp import UNTOLD, minimise
+from needlefem.errors import SimulationError
+
+MOST_WEAKENINGS = 500
+SETTLED = 1e-12
+"""Change of friction limits, relative to them, at which weakening has come to rest."""
+SINGULAR = 1e12
+"""Condition of the response of what sticks at which its forces are noise."""
+STUCK = 1e-13
+"""Slip in a step that is none, m."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Friction:
+    """Friction limit over slip: static for what sticks, kinetic after some slip.
+
+    Parameters
+    ----------
+    ratio : float
+        Static over kinetic limit.
+    length : float, m
+        Slip over which it falls; 0: at the first slip, which no time step resolves.
+    stiffness : float, Pa (N/m^3 in 2D)
+        Of sticking, per length of path; 0: rigid.
+    """
+
+    ratio: float = 1.0
+    length: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def weakens(self) -> bool:
+        """Whether the limit depends on slip."""
+        return self.ratio > 1.0
+
+    def limits(self, kinetic: Floats, slipped: Floats) -> Floats:
+        """Return the limits after some slip since sticking (m)."""
+        if not self.weakens:
+            return kinetic
+        left = 1.0 - slipped / self.length if self.length > 0.0 else 1.0 * (slipped <= 0.0)
+        found: Floats = kinetic * (1.0 + (self.ratio - 1.0) * np.clip(left, 0.0, 1.0))
+        return found
+
+    def slack(self, lengths: Floats) -> Floats:
+        """Return the compliance of sticking of pieces of some lengths (m), m/N."""
+        stiffness = self.stiffness * lengths
+        return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+
+
+def stick_condition(compliance: Floats, slack: Floats) -> float:
+    """Return the condition of the response of pieces that stick; 1e16 if singular to round-off.
+
+    Parameters
+    ----------
+    compliance : array, shape (n, n), m/N
+        Axial displacement of the pieces per axial force.
+    slack : array, shape (n,), m/N
+        Compliance of sticking itself.
+    """
+    values = np.linalg.eigvalsh(compliance + np.diag(slack))
+    return float(values[-1] / max(values[0], 1e-16 * values[-1]))
+
+
+def refuse_noise(compliance: Floats, slack: Floats) -> None:
+    """Raise a `SimulationError` if the tissue can't tell apart pieces that stick.
+
+    Parameters are those of `stick_condition`.
+    """
+    if len(compliance) and stick_condition(compliance, slack) >= SINGULAR:
+        raise SimulationError(UNTOLD)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Rub:
+    """What is known of the pieces' friction when a step is solved.
+
+    Parameters
+    ----------
+    friction : Friction
+    kinetic : array, shape (n,), N (N/m in 2D)
+        Limits when slipping.
+    slipped : array, shape (n,), m
+        Slip since sticking, at the step's start.
+    travel : array, shape (n,), m
+        Displacement of the pieces if they moved with the needle from where they were.
+    old : array, shape (n,), N (N/m in 2D)
+        Friction forces at the step's start.
+    lengths : array, shape (n,), m
+    lag : array, shape (n,), m, optional
+        By how much a piece that had another velocity stays behind its travel when it sticks.
+    """
+
+    friction: Friction
+    kinetic: Floats
+    slipped: Floats
+    travel: Floats
+    old: Floats
+    lengths: Floats
+    lag: Floats | None = None
+
+    def solve(
+        self,
+        compliance: Floats,
+        free: Floats,
+        start: Floats,
+        tip: tuple[float, float, float] | None = None,
+    ) -> tuple[Floats, Floats, Floats]:
+        """Return forces, the pieces' slip, and how far the needle is ahead of all rows.
+
+        Of all solutions the one that sticks most is found: limits fall by what slips at them,
+        from those at the step's start on, until none falls further.
+
+        Parameters
+        ----------
+        compliance : array, shape (n, n) or (n + 1, n + 1), m/N
+            Axial displacement of pieces, and of the tip, per axial force.
+        free : array, shape as its rows, m
+            Without any.
+        start : array, shape as its rows, N
+            Guess of the forces.
+        tip : (float, float, float), optional
+            Bounds of the tip's force (N), and its displacement if it moved with the needle (m).
+
+        Returns
+        -------
+        Forces, N (N/m in 2D); slip of the pieces in the step, m, exactly none for what sticks;
+        distances of all rows, m.
+
+        Raises
+        ------
+        SimulationError
+        """
+        slack = self.friction.slack(self.lengths)
+        lag = 0.0 if self.lag is None else self.lag
+        travel = self.travel + slack * self.old - lag
+        bottom, top = np.zeros(len(free)), np.zeros(len(free))
+        if tip is not None:
+            slack, travel = np.append(slack, 0.0), np.append(travel, tip[2])
+            bottom[-1], top[-1] = tip[:2]
+        count = len(self.kinetic)
+        matrix = compliance + np.diag(slack) if slack.any() else compliance
+        forces, slip = start, np.zeros(count)
+        limits = self._limits(slip)
+        for _ in range(MOST_WEAKENINGS):
+            bottom[:count], top[:count] = -limits[1], limits[0]
+            forces = minimise(matrix, travel - free, bottom, top, forces)
+            apart = travel - free - matrix @ forces
+            inside = (forces > bottom) & (forces < top)
+            still = inside[:count] | (np.abs(apart[:count]) <= STUCK)
+            slip = np.where(still, 0.0, np.copysign(apart[:count] + lag, apart[:count]))
+            weaker = self._limits(slip)
+            if np.all(np.abs(limits - weaker) <= SETTLED * limits):
+                return forces, slip, apart
+            limits = self._weakened(limits, weaker, slip, inside, matrix)
+        raise SimulationError("friction does not stop weakening; take shorter steps")
+
+    def _weakened(
+        self, limits: Floats, weaker: Floats, slip: Floats, inside: Bools, matrix: Floats
+    ) -> Floats:
+        """Return limits nearer to those that their own slip gives.
+
+        What slips and still weakens is solved for as if nothing else changed (Newton's method).
+        Where that would not come to rest, all that slips falls to what its slip allows.
+        """
+        way = np.where(slip < 0.0, 1, 0)
+        pieces = np.arange(len(slip))
+        falling = (slip != 0.0) & (weaker[way, pieces] > self.kinetic * (1.0 + SETTLED))
+        moving = np.flatnonzero(falling)
+        if not moving.size or self.friction.length <= 0.0:
+            return weaker
+        stuck = np.flatnonzero(inside)
+        give = matrix[np.ix_(moving, moving)]
+        if stuck.size:
+            cross = matrix[np.ix_(stuck, moving)]
+            give = give - cross.T @ np.linalg.solve(matrix[np.ix_(stuck, stuck)], cross)
+        sign = np.sign(slip[moving])
+        rate = self.kinetic[moving] * (self.friction.ratio - 1.0) / self.friction.length
+        jacobian = np.eye(len(moving)) - rate[:, None] * (sign[:, None] * give * sign)
+        missing = (limits - weaker)[way[moving], moving]
+        step = np.linalg.solve(jacobian, missing)
+        found = weaker.copy()
+        if np.all(step * np.sign(missing) >= 0.0) and np.all(np.abs(step) >= np.abs(missing)):
+            reached = limits[way[moving], moving] - step
+            found[way[moving], moving] = np.maximum(reached, self.kinetic[moving])
+        return found
+
+    def _limits(self, slip: Floats) -> Floats:
+        """Return the limits for both ways of slipping after some slip in the step, shape (2, n).
+
+        What turned back has stuck in between, and is held by static friction.
+        """
+        onward = np.where(self.old >= 0.0, self.slipped, 0.0)
+        back = np.where(self.old < 0.0, self.slipped, 0.0)
+        forward, backward = np.maximum(slip, 0.0), np.maximum(-slip, 0.0)
+        return np.stack(
+            [
+                self.friction.limits(self.kinetic, onward + forward),
+                self.friction.limits(self.kinetic, back + backward),
+            ]
+        )
+
+    def after(self, slip: Floats) -> Floats:
+        """Return the slip since sticking at the step's end, shape (n,), m."""
+        went_on = (slip >= 0.0) == (self.old >= 0.0)
+        before = np.where(went_on, self.slipped, 0.0)
+        found: Floats = np.where(slip == 0.0, 0.0, np.abs(slip) + before)
+        return found

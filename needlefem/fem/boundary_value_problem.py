@@ -1,0 +1,178 @@
+"""A tissue in equilibrium under prescribed displacements, tractions and body forces."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh
+from needlefem.elements import ElementRow
+from needlefem.fem import forms as assembly
+from needlefem.fem.forms import Field
+from needlefem.fem.function_space import Space
+from needlefem.fem.stiffness import Stiffness
+from needlefem.fem.stress import stresses
+from needlefem.materials import Material, plane_split, split
+
+Where = Callable[[Points], Bools] | None
+"""Says which outer facets, by their middles, shape (n, dim); all when None."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solution:
+    """Displacement of a tissue in equilibrium.
+
+    Parameters
+    ----------
+    space : Space
+    stiffness : Stiffness
+    u : array, shape (ndofs,), m
+    pressure : array, shape (npressures,), Pa
+        Tension positive; empty unless the element is mixed.
+    free : int
+        Unknowns that were solved for, the pressure's among them.
+    """
+
+    space: Space
+    stiffness: Stiffness
+    u: Floats
+    pressure: Floats
+    free: int
+
+    def at(self, points: Points) -> Points:
+        """Return the displacement at points, shape (n, dim), m."""
+        return self.space.displacement_at(self.u, np.asarray(points, dtype=float))
+
+    def l2_error(self, exact: Field, order: int = 8) -> float:
+        """Return the error in the L2 norm, relative to that of the exact displacement."""
+        return self._error(exact, order, gradient=False)
+
+    def h1_error(self, exact: Callable[[Points], Floats], order: int = 8) -> float:
+        """Return the relative L2 error of the gradient; `exact` returns (n, dim, dim)."""
+        return self._error(exact, order, gradient=True)
+
+    def _error(self, exact: Callable[[Points], Floats], order: int, *, gradient: bool) -> float:
+        basis = assembly.fine_basis(self.space.mesh, self.space.element, order)
+        found = basis.interpolate(self.u)
+        values = np.asarray(found.grad if gradient else found)
+        where = np.asarray(basis.global_coordinates())
+        dim, *shape = where.shape
+        known = exact(where.reshape(dim, -1).T)
+        known = np.moveaxis(known, 0, -1).reshape(*values.shape[: values.ndim - 2], *shape)
+        axes = tuple(range(values.ndim - 2))
+        off, whole = (np.sum(part**2, axis=axes) for part in (values - known, known))
+        return float(np.sqrt(np.sum(off * basis.dx) / np.sum(whole * basis.dx)))
+
+    def stress(self, reference: Points) -> Floats:
+        """Return Voigt stresses at reference points of all cells; see `fem.stress`."""
+        return stresses(self.space, self.stiffness, self.u, self.pressure, reference)
+
+    def at_vertices(self) -> Points:
+        """Return the displacement of the mesh's points, shape (npoints, dim), m.
+
+        Zero at points that are no vertices (the middles of curved edges).
+        """
+        mesh = self.space.mesh
+        found = np.zeros((mesh.p.shape[1], mesh.dim()))
+        found[mesh.t.T] = self.space.nodal(self.u)[self.space.cell_nodes[:, : len(mesh.t)]]
+        return found
+
+    def vertex(self, point: Points) -> int:
+        """Return the number of the vertex nearest to a point."""
+        mesh = self.space.mesh
+        vertices = np.unique(mesh.t)
+        away = np.sum((mesh.p[:, vertices].T - point) ** 2, axis=1)
+        return int(vertices[np.argmin(away)])
+
+    def vertex_stress(self, point: Points) -> Floats:
+        """Return the Voigt stress at the vertex nearest to a point: the mean of its cells'."""
+        mesh = self.space.mesh
+        corner, cell = np.nonzero(mesh.t == self.vertex(point))
+        corners = mesh.elem().doflocs[: len(mesh.t)]
+        found: Floats = self.stress(corners)[cell, corner].mean(axis=0)
+        return found
+
+
+class Statics:
+    """Equilibrium of a tissue, put together piece by piece.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+        With a subdomain for every name in `materials`, if they are several.
+    element : ElementRow
+    materials : Material or mapping of names to them
+    plane : str
+        Plane 'strain' or 'stress'.
+    space : Space, optional
+        The element on the mesh, when it is there already.
+    """
+
+    def __init__(
+        self,
+        mesh: SkfemMesh,
+        element: ElementRow,
+        materials: Material | Mapping[str, Material],
+        plane: str = "strain",
+        space: Space | None = None,
+    ) -> None:
+        self.space = Space(mesh, element) if space is None else space
+        several = materials if isinstance(materials, Mapping) else {"": materials}
+        owner = np.zeros(mesh.nelements, dtype=np.intp)
+        if isinstance(materials, Mapping):
+            for number, name in enumerate(materials):
+                owner[mesh.subdomains[name]] = number
+        splits = [
+            split(material) if mesh.dim() == 3 else plane_split(material, plane)
+            for material in several.values()
+        ]
+        self.stiffness = Stiffness(self.space, splits, owner)
+        self._held: Floats = np.full(self.space.ndofs, np.nan)
+        self._load: Floats = np.zeros(self.space.ndofs)
+
+    def facets(self, where: Where = None) -> Ints:
+        """Return outer facets by the place of their middles."""
+        mesh = self.space.mesh
+        outer: Ints = mesh.boundary_facets()
+        if where is None:
+            return outer
+        return outer[where(mesh.p[:, mesh.facets[:, outer]].mean(axis=1).T)]
+
+    def hold(
+        self, where: Where = None, field: Field | None = None, axes: Sequence[int] | None = None
+    ) -> "Statics":
+        """Prescribe the displacement (zero without a field), of some axes, on facets."""
+        dofs = self.space.dofs_on(self.facets(where), axes)
+        nodal = np.zeros((self.space.nnodes, self.space.dim))
+        if field is not None:
+            nodal = field(self.space.nodes)
+        self._held[dofs] = self.space.dof_vector(nodal)[dofs]
+        return self
+
+    def pin(self, node: int, value: Sequence[float | None]) -> "Statics":
+        """Prescribe components (None leaves one free) of the displacement of a node."""
+        for axis, number in enumerate(value):
+            if number is not None:
+                self._held[self.space.node_dofs[node, axis]] = number
+        return self
+
+    def push(self, traction: Callable[[Points, Points], Floats], where: Where = None) -> "Statics":
+        """Apply a traction, a function of points and outward normals, on facets."""
+        space = self.space
+        self._load += assembly.traction_load(
+            space.mesh, space.element, self.facets(where), traction
+        )
+        return self
+
+    def body(self, force: Field, order: int = 8) -> "Statics":
+        """Apply a force per volume."""
+        basis = assembly.fine_basis(self.space.mesh, self.space.element, order)
+        self._load += assembly.body_load(basis, force)
+        return self
+
+    def solve(self) -> Solution:
+        """Return the equilibrium."""
+        free = np.flatnonzero(np.isnan(self._held))
+        held = np.nan_to_num(self._held)
+        u, pressure = self.stiffness.solve(free, self._load, held)
+        return Solution(self.space, self.stiffness, u, pressure, len(free) + len(pressure))

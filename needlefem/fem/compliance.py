@@ -1,0 +1,233 @@
+"""The tissue's response to forces of the needle, at the cheapest price.
+
+Two ways to the same numbers: a compliance matrix between all nodes that needles have touched,
+grown as they go (cheap and shared when these nodes are few), or one back-substitution for each
+load (when they are many).
+"""
+
+from typing import Protocol
+
+import numpy as np
+
+from needlefem._arrays import Floats, Ints
+from needlefem.fem.condensation import Columns, Corridor, WholeColumns
+from needlefem.fem.factorization import Factor
+from needlefem.fem.tissue_model import Model
+
+ALL = slice(None)
+AHEAD = 2.0
+"""Way ahead of a needle that is solved for at once, over its corridor's half-width."""
+
+
+class Response(Protocol):
+    """Displacement for some loads."""
+
+    def at(self, rows: Ints) -> Floats:
+        """Return it on rows, shape (nrows, nloads), m."""
+        ...
+
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        """Return it for some loads on all rows from `start` on, shape (size - start, nsome), m."""
+        ...
+
+
+class Responses(Protocol):
+    """Responses of one operator A, shared by all insertions on it.
+
+    Attributes
+    ----------
+    size : int
+        Number of rows known; it may grow, and rows never change their numbers.
+    way : str
+        How they are computed.
+    """
+
+    size: int
+    way: str
+
+    @property
+    def solves(self) -> int:
+        """Right-hand sides solved with the whole factor so far."""
+        ...
+
+    def rows(self, nodes: Ints) -> Ints:
+        """Return the rows of nodes, node-major, shape (len(nodes) dim,)."""
+        ...
+
+    def respond(self, rows: Ints, loads: Floats) -> Response:
+        """Return the response to loads, shape (nloads, len(rows)), on these rows."""
+        ...
+
+
+class _Equations:
+    """The equation (row of A) of every node's dofs; -1 where held."""
+
+    def __init__(self, model: Model) -> None:
+        equation = np.full(model.ndofs, -1)
+        equation[model.free_dofs] = np.arange(len(model.free_dofs))
+        self._table: Ints = equation[model.node_dofs]
+
+    def of(self, nodes: Ints) -> Ints:
+        found: Ints = self._table[nodes].ravel()
+        return found
+
+
+class SharedResponses:
+    """The compliance between touched nodes, dense and growing.
+
+    Parameters
+    ----------
+    model : Model
+        The tissue.
+    factor : Factor, optional
+        Factorisation of the operator A on the free dofs; that of K when left out.
+    columns : Columns, optional
+        Where columns of A^-1 come from, if not from the factor.
+    corridor : Corridor, optional
+        Where needles go: what lies ahead of them is solved for in blocks.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        factor: Factor | None = None,
+        columns: Columns | None = None,
+        corridor: Corridor | None = None,
+    ) -> None:
+        if columns is None:
+            columns = WholeColumns(factor or model.factor, len(model.free_dofs))
+        self._columns, self._dim = columns, model.dim
+        self._ahead = 0.0 if corridor is None else AHEAD * corridor.halfwidth
+        self._places: Floats = model.nodes if corridor is None else corridor.places(model.nodes)
+        self.way = columns.way
+        self._equations = _Equations(model)
+        self._slot: Ints = np.full(model.nnodes, -1)
+        self._nodes: Ints = np.zeros(0, dtype=np.intp)
+        self._store = np.zeros((0, 0))
+        self.size = 0
+        # needles ask again and again for what is around their tip
+        self._asked = self._rows = self._among = self._nodes
+        self._block = self._store
+
+    @property
+    def solves(self) -> int:
+        """See `Responses`."""
+        return self._columns.solves
+
+    @property
+    def compliance(self) -> Floats:
+        """Displacement for unit forces between all rows, shape (size, size), m/N.
+
+        Rows and columns of held dofs are zero.
+        """
+        return self._store[: self.size, : self.size]
+
+    def rows(self, nodes: Ints) -> Ints:
+        """See `Responses`; nodes not touched before are solved for."""
+        if nodes is not self._asked:
+            slots = self._slot[nodes]
+            if slots.min(initial=0) < 0:
+                self._touch(self._foreseen(nodes))
+                slots = self._slot[nodes]
+            self._asked = nodes
+            self._rows = (slots[:, None] * self._dim + np.arange(self._dim)).ravel()
+        return self._rows
+
+    def among(self, rows: Ints) -> Floats:
+        """Return the compliance among rows, shape (len(rows), len(rows)), m/N."""
+        if rows is not self._among:
+            self._among, self._block = rows, self.compliance[rows[:, None], rows]
+        return self._block
+
+    def respond(self, rows: Ints, loads: Floats) -> Response:
+        """See `Responses`."""
+        return _SharedResponse(self, rows, loads)
+
+    def _foreseen(self, nodes: Ints) -> Ints:
+        """Return what is new of some nodes, and of those that lie ahead of them."""
+        if not self._ahead:
+            return nodes[self._slot[nodes] < 0]
+        near = self._places[nodes]
+        low, high = near.min(axis=0), near.max(axis=0)
+        high[0] += self._ahead
+        wanted = np.all((self._places >= low) & (self._places <= high), axis=1)
+        return np.flatnonzero(wanted & (self._slot < 0))
+
+    def _touch(self, new: Ints) -> None:
+        before = self.size
+        self._slot[new] = len(self._nodes) + np.arange(len(new))
+        self._nodes = np.concatenate([self._nodes, new])
+        self.size = len(self._nodes) * self._dim
+        self._reserve()
+        known = self._equations.of(self._nodes)
+        rows = np.flatnonzero(known >= 0)
+        columns = rows[np.searchsorted(rows, before) :]
+        self._store[rows[:, None], columns] = self._columns.between(known[rows], known[columns])
+        fresh = self._store[before : self.size, before : self.size]
+        fresh[:] = 0.5 * (fresh + fresh.T)
+        self._store[before : self.size, :before] = self._store[:before, before : self.size].T
+
+    def _reserve(self) -> None:
+        if self.size > len(self._store):
+            old = self._store
+            self._store = np.zeros((int(1.5 * self.size), int(1.5 * self.size)))
+            self._store[: len(old), : len(old)] = old
+
+
+class _SharedResponse:
+    def __init__(self, shared: SharedResponses, rows: Ints, loads: Floats) -> None:
+        self._shared, self._rows, self._loads = shared, rows, loads
+
+    def at(self, rows: Ints) -> Floats:
+        if rows is self._rows:
+            return self._shared.among(rows) @ self._loads.T
+        return self._shared.compliance[rows[:, None], self._rows] @ self._loads.T
+
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        loads = self._loads[some]
+        used = np.flatnonzero(np.any(loads, axis=0))
+        # by symmetry rows are read, which lie in memory one after the other
+        found: Floats = loads[:, used] @ self._shared.compliance[self._rows[used], start:]
+        return found.T
+
+
+class DirectResponses:
+    """One back-substitution a load, on all equations; parameters as for `SharedResponses`."""
+
+    way = "one back-substitution a load"
+
+    def __init__(self, model: Model, factor: Factor | None = None) -> None:
+        self._factor = factor if factor is not None else model.factor
+        self._equations = _Equations(model)
+        self.size = len(model.free_dofs) + 1  # the last row stands for all held dofs
+        self._solved = 0
+
+    @property
+    def solves(self) -> int:
+        """See `Responses`."""
+        return self._solved
+
+    def rows(self, nodes: Ints) -> Ints:
+        """See `Responses`."""
+        return self._equations.of(nodes) % self.size
+
+    def respond(self, rows: Ints, loads: Floats) -> Response:
+        """See `Responses`."""
+        rhs = np.zeros((self.size, len(loads)), order="F")
+        rhs[rows] = loads.T
+        rhs[-1] = 0.0
+        rhs[:-1] = self._factor.solve(rhs[:-1])
+        self._solved += len(loads)
+        return _DirectResponse(rhs)
+
+
+class _DirectResponse:
+    def __init__(self, field: Floats) -> None:
+        self._field = field
+
+    def at(self, rows: Ints) -> Floats:
+        found: Floats = self._field[rows]
+        return found
+
+    def after(self, start: int, some: slice = ALL) -> Floats:
+        return self._field[start:, some]

@@ -1,0 +1,106 @@
+"""What a displacement means in the middle of every cell: strain, volume, stress, pressure."""
+
+import numpy as np
+
+from needlefem._arrays import Floats
+from needlefem.elements import PRESSURE
+from needlefem.errors import CaseError
+from needlefem.fem import forms as assembly
+from needlefem.fem.stress import stresses
+from needlefem.fem.tissue_model import Model
+from needlefem.materials import split
+from needlefem.materials.voigt import IN_PLANE
+
+
+def middle(model: Model) -> Floats:
+    """Return the middle of the reference cell, shape (1, dim)."""
+    corners = model.mesh.elem().refdom.p
+    centre: Floats = np.asarray(corners, dtype=float).mean(axis=1)[None]
+    return centre
+
+
+class CellValues:
+    """Values of one model's displacements in the middle of its cells.
+
+    Parameters
+    ----------
+    model : Model
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.place = model, middle(model)
+        self._basis = assembly.displacement_basis(
+            model.mesh, model.element, lambda: (np.ascontiguousarray(self.place.T), np.ones(1))
+        )
+
+    def gradient(self, u: Floats) -> Floats:
+        """Return the gradient of a displacement, shape (ncells, dim, dim)."""
+        found = np.asarray(self._basis.interpolate(u).grad)[..., 0]
+        return np.moveaxis(found, 2, 0)
+
+    def largest_strain(self, u: Floats) -> Floats:
+        """Return the principal strain that is largest without its sign, shape (ncells,)."""
+        gradient = self.gradient(u)
+        principal = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, 1, 2)))
+        largest: Floats = np.abs(principal).max(axis=1)
+        return largest
+
+    def volume_ratio(self, u: Floats) -> Floats:
+        """Return ``det(I + grad u)``, shape (ncells,); negative where a cell is turned over."""
+        ratio: Floats = np.linalg.det(np.eye(self.model.dim) + self.gradient(u))
+        return ratio
+
+    def stress(self, u: Floats) -> Floats:
+        """Return Voigt stresses in space, shape (ncells, 6), Pa, also of plane tissue.
+
+        Raises
+        ------
+        CaseError
+            The element's stress may not be read at this Poisson's ratio.
+        SimulationError
+            Incompressible tissue, whose pressure the displacement alone does not give.
+        """
+        model, pressure = self.model, np.zeros(0)
+        if model.element.volume == PRESSURE:
+            pressure = model.stiffness.pressure(u)
+        found = stresses(model, model.stiffness, u, pressure, self.place)[:, 0]
+        return found if model.dim == 3 else self._in_space(found, u)
+
+    def _in_space(self, plane: Floats, u: Floats) -> Floats:
+        """Add the stress across the plane, which plane strain has and plane stress has not.
+
+        ``stress = shape strain + p m`` gives p from what is in the plane, and p gives the rest.
+        """
+        full = np.zeros((len(plane), 6))
+        full[:, IN_PLANE] = plane
+        if self.model.plane == "stress":
+            return full
+        gradient = self.gradient(u)
+        shear = gradient[:, 0, 1] + gradient[:, 1, 0]
+        strain = np.stack([gradient[:, 0, 0], gradient[:, 1, 1], shear], axis=1)
+        laws = [split(law).shape[:3][:, IN_PLANE] for law in self.model.materials.values()]
+        shape = np.einsum("cij,cj->ci", np.array(laws)[self.model.cell_materials], strain)
+        full[:, 2] = shape[:, 2] + np.mean(plane[:, :2] - shape[:, :2], axis=1)
+        return full
+
+    def von_mises(self, u: Floats) -> Floats:
+        """Return the von Mises stress, shape (ncells,), Pa; see `stress` for errors."""
+        s = self.stress(u)
+        normal = (s[:, 0] - s[:, 1]) ** 2 + (s[:, 1] - s[:, 2]) ** 2 + (s[:, 2] - s[:, 0]) ** 2
+        found: Floats = np.sqrt(0.5 * normal + 3.0 * np.sum(s[:, 3:] ** 2, axis=1))
+        return found
+
+    def pressure(self, u: Floats) -> Floats:
+        """Return the pressure, minus the mean stress, shape (ncells,), Pa.
+
+        Raises
+        ------
+        CaseError
+            The element has no pressure of its own.
+        """
+        if self.model.element.volume != PRESSURE:
+            remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
+            problem = f"{self.model.element.name} has no pressure of its own"
+            raise CaseError("discretisation.element", problem, remedy)
+        found: Floats = -self.stress(u)[:, :3].mean(axis=1)
+        return found

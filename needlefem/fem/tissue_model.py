@@ -1,0 +1,204 @@
+"""The discretised tissue: a semi-discrete system on a scikit-fem mesh."""
+
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from needlefem._arrays import Floats, Ints, SkfemMesh, Sparse
+from needlefem.elements import ElementRow
+from needlefem.errors import CaseError, nearest, short
+from needlefem.fem import forms as assembly
+from needlefem.fem.factorization import Factor
+from needlefem.fem.function_space import Space
+from needlefem.fem.shapes import shape_table
+from needlefem.fem.stiffness import Stiffness
+from needlefem.materials import Material, Split, branches_of, plane_split, split
+from needlefem.mesh.cell_map import cell_measures
+from needlefem.scene import Support
+
+
+class Model(Space):
+    """K, M and what belongs to them; immutable, computed when first asked for.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+        With named subdomains (one material each) and named boundaries.
+    element : ElementRow
+        Element of the displacement.
+    materials : mapping
+        Material of every subdomain.
+    supports : mapping
+        Faces and subdomains in which components are held at zero.
+    axes : sequence of str
+        Names of the axes.
+    plane : str
+        Plane 'strain' or plane 'stress' (2D only).
+    floating : bool
+        Rigid motions may be free, for modes and dynamics.
+
+    Raises
+    ------
+    CaseError
+        A face or axis that doesn't exist, or rigid motions that no support stops.
+    """
+
+    def __init__(
+        self,
+        mesh: SkfemMesh,
+        element: ElementRow,
+        materials: Mapping[str, Material],
+        supports: Mapping[str, Support],
+        axes: tuple[str, ...],
+        *,
+        plane: str = "strain",
+        floating: bool = False,
+    ) -> None:
+        super().__init__(mesh, element)
+        self.axes, self.plane = axes, plane
+        self.materials, self.supports = materials, supports
+        self.held_dofs = self._held_dofs()
+        self.free_dofs: Ints = np.setdiff1d(np.arange(self.ndofs), self.held_dofs)
+        if not floating:
+            self._refuse_rigid_motion()
+
+    def _held_dofs(self) -> Ints:
+        held = [np.zeros(0, dtype=np.intp)]
+        for name, support in self.supports.items():
+            for axis in set(support.fixed) - set(self.axes):
+                remedy = nearest(axis, self.axes)
+                raise CaseError(f"supports.{name}.fixed", f"no axis {short(axis)}", remedy)
+            components = [self.axes.index(axis) for axis in support.fixed or self.axes]
+            for region in support.regions:
+                nodes = np.unique(self.cell_nodes[self.mesh.subdomains[region]])
+                held.append(self.node_dofs[nodes][:, components].ravel())
+            faces = [self._face(face, f"supports.{name}.faces") for face in support.faces]
+            held += [self.dofs_on(facets, components) for facets in faces]
+        return np.unique(np.concatenate(held))
+
+    def _refuse_rigid_motion(self) -> None:
+        motions = self.rigid_motions
+        rank = np.linalg.matrix_rank(motions[self.held_dofs]) if len(self.held_dofs) else 0
+        free = motions.shape[1] - int(rank)
+        if free:
+            problem = f"{free} rigid motions of the tissue are free"
+            raise CaseError("supports", problem, "hold more faces or more axes")
+
+    @cached_property
+    def cell_materials(self) -> Ints:
+        """Number of every cell's material, in the order of `materials`, shape (ncells,)."""
+        owner = np.full(self.mesh.nelements, -1)
+        for number, name in enumerate(self.materials):
+            owner[self.mesh.subdomains[name]] = number
+        return owner
+
+    def per_cell(self, values: Mapping[str, float]) -> Floats:
+        """Spread one number per subdomain over the cells, shape (ncells,)."""
+        table = np.array([values[name] for name in self.materials])
+        spread: Floats = table[self.cell_materials]
+        return spread
+
+    def per_node(self, values: Mapping[str, float]) -> Floats:
+        """Return a field that is linear in every cell and continuous, shape (nnodes,).
+
+        One number per subdomain, averaged at the vertices by cell measure: a needle that crosses
+        an interface sees no jump.
+        """
+        if len(set(values.values())) == 1:
+            return np.full(self.nnodes, next(iter(values.values())))
+        corners = self.mesh.t.T
+        measure = np.repeat(cell_measures(self.mesh), corners.shape[1])
+        value = np.repeat(self.per_cell(values), corners.shape[1])
+        where, count = corners.ravel(), self.mesh.nvertices
+        weighted = np.bincount(where, measure * value, minlength=count)
+        at_vertices = weighted / np.bincount(where, measure, minlength=count)
+        between = shape_table(self.mesh.elem)(self.element.nodes)
+        field = np.zeros(self.nnodes)
+        field[self.cell_nodes] = at_vertices[corners] @ between.T
+        return field
+
+    @cached_property
+    def stiffness(self) -> Stiffness:
+        """K of the whole tissue, supported or not."""
+        return Stiffness(self, [part for part, _ in self.laws()], self.cell_materials)
+
+    def laws(self) -> list[tuple[Split, float]]:
+        """Return law and density of every subdomain, in the order of `materials`."""
+        return [
+            (split(law) if self.dim == 3 else plane_split(law, self.plane), float(law.density))
+            for law in self.materials.values()
+        ]
+
+    @cached_property
+    def branches(self) -> tuple[tuple[float, Sparse], ...]:
+        """Relaxation times (s) of viscoelastic tissue, each with the stiffness that relaxes.
+
+        Matrices of shape (ndofs, ndofs); empty for elastic tissue.
+        """
+        size = 3 if self.dim == 2 else 6
+        laws: dict[float, Floats] = {}
+        for number, material in enumerate(self.materials.values()):
+            for branch in branches_of(material, self.dim, self.plane):
+                law = laws.setdefault(branch.time, np.zeros((size, size, self.mesh.nelements)))
+                law[:, :, self.cell_materials == number] += branch.stiffness[:, :, None]
+        return tuple((time, assembly.stiffness(self.basis, laws[time])) for time in sorted(laws))
+
+    def body_load(self, force: assembly.Field, order: int = 6) -> Floats:
+        """Return the load of a force per volume (N/m^3) on all dofs, shape (ndofs,), N (N/m)."""
+        return assembly.body_load(assembly.fine_basis(self.mesh, self.element, order), force)
+
+    def face_load(self, face: str, traction: assembly.Field) -> Floats:
+        """Return the load of a traction (Pa) on a named face, shape (ndofs,), N (N/m).
+
+        Raises
+        ------
+        CaseError
+            There is no such face.
+        """
+        facets = self._face(face, "face")
+        return assembly.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
+
+    def _face(self, name: str, key: str) -> Ints:
+        """Return the facets of a named face."""
+        present = self.mesh.boundaries or {}
+        if not present:
+            remedy = "name groups of edges in the mesh file (docs/how-to/own-mesh.md)"
+            raise CaseError(key, f"no face {short(name)}: the mesh names no edges", remedy)
+        if name not in present:
+            raise CaseError(key, f"no face {short(name)}", nearest(name, present))
+        facets: Ints = present[name]
+        return facets
+
+    @cached_property
+    def density(self) -> Floats:
+        """Density of every cell, shape (ncells,), kg/m^3."""
+        return self.per_cell({name: m.density for name, m in self.materials.items()})
+
+    @cached_property
+    def mass(self) -> Sparse:
+        """Consistent M, shape (ndofs, ndofs), kg (per metre of thickness in 2D)."""
+        return assembly.mass(self._mass_basis, self.density)
+
+    def lumped_mass(self, scheme: str) -> Floats:
+        """Diagonal of the lumped M, shape (ndofs,); see `assembly.lumped_mass`."""
+        return assembly.lumped_mass(self._mass_basis, self.density, scheme, self.element)
+
+    @cached_property
+    def _mass_basis(self) -> object:
+        return assembly.displacement_basis(self.mesh, self.element, self.element.mass_rule)
+
+    def free_block(self, matrix: Sparse) -> Sparse:
+        """Return rows and columns of the free dofs."""
+        return matrix[self.free_dofs][:, self.free_dofs]
+
+    @cached_property
+    def factor(self) -> Factor:
+        """Factorisation of K on the free dofs."""
+        return self.stiffness.factor(self.free_dofs)
+
+    def solve(self, loads: Floats) -> Floats:
+        """Return displacements for loads on all dofs, shape (ndofs,) or (ndofs, k)."""
+        found = np.zeros_like(loads)
+        found[self.free_dofs] = self.factor.solve(np.ascontiguousarray(loads[self.free_dofs]))
+        return found

@@ -1,0 +1,1 @@
+"""Contours and the frame between images and the plane of a scene."""

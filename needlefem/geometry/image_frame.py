@@ -1,0 +1,115 @@
+"""Where the plane of a case lies in the space of the scanner that its anatomy comes from."""
+
+import dataclasses
+from functools import cached_property
+
+import numpy as np
+
+from needlefem._arrays import Floats, Points
+from needlefem._parameter import knob
+from needlefem.errors import CaseError
+from needlefem.validation import Validated
+
+Coordinates = tuple[float, ...]
+SQUARE = 1e-6
+"""How far unit vectors may be from length 1 and from right angles."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Voxels(Validated):
+    """The grid of an image in the scanner's space.
+
+    The centre of voxel (i, j, k) is at ``origin + i spacing_i axes_i + j ... + k ...``.
+    """
+
+    TABLE = "frame.voxels"
+
+    file: str = knob("Name of the image's file", default="")
+    origin: Coordinates = knob("Centre of the first voxel, in the scanner's space", "length")
+    axes: tuple[Coordinates, ...] = knob("Directions in which the voxels' three numbers grow")
+    spacing: Coordinates = knob("Distances of the voxels' centres", "length", low=0.0)
+    size: tuple[int, ...] = knob("Numbers of voxels", low=1.0, closed=True)
+
+    def check(self) -> None:
+        """See `Validated`."""
+        _check_vectors("frame.voxels.axes", self.axes, 3)
+        for name in ("origin", "spacing", "size"):
+            _check_length(f"frame.voxels.{name}", getattr(self, name))
+
+    @cached_property
+    def _steps(self) -> Floats:
+        """Rows: from a voxel to the next along every index, shape (3, 3), m."""
+        steps: Floats = np.array(self.axes) * np.array(self.spacing)[:, None]
+        return steps
+
+    def points(self, numbers: Points) -> Points:
+        """Return scanner coordinates of (fractions of) voxel numbers, shape (n, 3), m."""
+        found: Points = np.asarray(numbers) @ self._steps + np.array(self.origin)
+        return found
+
+    def numbers(self, points: Points) -> Points:
+        """Return the (fractions of) voxel numbers of scanner coordinates, shape (n, 3)."""
+        away = np.asarray(points) - np.array(self.origin)
+        found: Points = np.linalg.solve(self._steps.T, away.T).T
+        return found
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Frame(Validated):
+    """The plane of a case in the scanner's space, and the image that was cut by it."""
+
+    TABLE = "frame"
+
+    space: str = knob(
+        "Axes of the scanner's space: left, posterior, superior (DICOM) or right, anterior, "
+        "superior (3D Slicer)",
+        default="LPS",
+        choices=("LPS", "RAS"),
+    )
+    origin: Coordinates = knob("The case's point (0, 0) in the scanner's space", "length")
+    axes: tuple[Coordinates, ...] = knob("The case's axes as unit vectors in the scanner's space")
+    voxels: Voxels | None = None
+
+    def check(self) -> None:
+        """See `Validated`."""
+        _check_length("frame.origin", self.origin)
+        _check_vectors("frame.axes", self.axes, 2)
+
+    def to_scanner(self, points: Points) -> Points:
+        """Return scanner coordinates of points of the case, shape (..., 2) to (..., 3), m."""
+        found: Points = np.array(self.origin) + self.turned(points)
+        return found
+
+    def turned(self, vectors: Points) -> Points:
+        """Return directions of the case in the scanner's space, shape (..., 2) to (..., 3)."""
+        found: Points = np.asarray(vectors, dtype=float) @ np.array(self.axes)
+        return found
+
+    def from_scanner(self, points: Points) -> Points:
+        """Return the feet of scanner coordinates in the plane, shape (..., 3) to (..., 2), m."""
+        found: Points = (np.asarray(points, dtype=float) - np.array(self.origin)) @ self._axes.T
+        return found
+
+    def off_plane(self, points: Points) -> Floats:
+        """Return the signed distances of scanner coordinates to the plane, shape (...,), m."""
+        away = np.asarray(points, dtype=float) - np.array(self.origin)
+        found: Floats = away @ np.cross(*self._axes)
+        return found
+
+    @cached_property
+    def _axes(self) -> Floats:
+        return np.array(self.axes)
+
+
+def _check_length(key: str, values: Coordinates) -> None:
+    if len(values) != 3:
+        raise CaseError(key, f"{len(values)} numbers", "give 3: the scanner's space has three axes")
+
+
+def _check_vectors(key: str, vectors: tuple[Coordinates, ...], count: int) -> None:
+    if len(vectors) != count or any(len(vector) != 3 for vector in vectors):
+        raise CaseError(key, f"{list(vectors)}", f"give {count} vectors of 3 numbers")
+    angles = np.array(vectors) @ np.array(vectors).T
+    if not np.allclose(angles, np.eye(count), atol=SQUARE, rtol=0.0):
+        remedy = f"give {count} unit vectors at right angles"
+        raise CaseError(key, f"{[list(vector) for vector in vectors]}", remedy)

@@ -1,0 +1,501 @@
+"""One monotone insertion as a march along the cut path.
+
+The independent variable is the length of path in the material, not the depth: every step asks
+which depth puts the next material point at the tip. Depth comes out, and may fall back: there
+the tip would run ahead at fixed depth (a snap), until its resistance is back at the cutting
+force. Every shaft point is taken to slip forward, which is checked after every step. The last
+step is shorter: it ends at the requested depth. A march ends before a step in which friction or the
+tip would give energy; time stepping goes on from there.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.functionals import Trial
+from needlefem.fem.compliance import Responses
+from needlefem.fem.interpolation import OutsideError, Weights
+from needlefem.fem.tissue_model import Model
+from needlefem.insertion.guide import Guide
+from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Snap, Status
+from needlefem.insertion.state import State
+from needlefem.insertion.tip_solver import (
+    MOST_ITERATIONS,
+    ROUND_OFF,
+    TOLERANCE,
+    NoEquilibriumError,
+    Step,
+    StepSolver,
+)
+from needlefem.mesh.surface import TipWatch
+from needlefem.needle.needle_interface import Instrument
+from needlefem.scene import Scene
+
+STICK_TOLERANCE = 1e-9
+"""Backward motion of the needle against a shaft point that ends the march, m."""
+AT_DEPTH = 1e-12
+"""Distance from the requested depth at which it is reached, m."""
+ENOUGH = 1e-3
+"""Lateral error of a step tried for the requested depth, over what is left to it."""
+CREATED = 5e-10
+"""Energy that friction or the tip may give in a step, over the turnover, before the march ends."""
+FROM_PUNCTURE = 2
+"""States up to that in which the skin is cut."""
+LITTLE = 0.25
+"""Depth gained in a step, over that of the step before, below which a maximum is looked for."""
+PEAK = 1e-6
+"""Part of a step to which it is found; there depth may have a kink, at an interface."""
+SURE = 0.95
+"""Part of a whole step below which the last one is predicted to be shorter."""
+STEADY = 0.5
+"""Depth gained over length in a predicted last step, over that of the step before, at least."""
+HALVINGS = 6
+"""Of a step that would leave the tissue, before the tip is at the surface."""
+
+
+T = TypeVar("T", float, Floats)
+
+
+class _StopError(Exception):
+    def __init__(self, status: Status, sentence: str) -> None:
+        self.outcome = Outcome(status, sentence)
+
+
+class _Before(NamedTuple):
+    """What the check of the next step needs of the newest state.
+
+    Parameters
+    ----------
+    path : array, shape (pieces * dim,), N (N/m in 2D)
+        Forces on the path.
+    tip : Trial
+        Of the tip's kernel, its first functional, in that state.
+    at_tip : array, shape (pieces * dim,), m/N
+        Axial displacement of this functional for unit forces on the path's pieces.
+    tip_moved : float, m
+        The same under all forces of the state.
+    """
+
+    path: Floats
+    tip: Trial
+    at_tip: Floats
+    tip_moved: float
+
+
+class March:
+    """A monotone insertion.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        The needle on its line.
+    responses : Responses
+        Of K; shared by all marches in the same tissue.
+    max_depth : float, m
+        Where it ends.
+    within : bool
+        Whether it ends with the last whole piece before, without the part of a piece that is left.
+    speed : float, m/s
+        Of the needle, which says no more than when states are reached.
+    guide : Guide, optional
+        What is known from a march nearby.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        Set when `iterate` is exhausted.
+    """
+
+    def __init__(
+        self,
+        instrument: Instrument,
+        responses: Responses,
+        max_depth: float,
+        *,
+        within: bool = False,
+        speed: float = np.inf,
+        guide: Guide | None = None,
+    ) -> None:
+        self.instrument, self.max_depth, self.within = instrument, max_depth, within
+        self._speed = speed
+        self.contact = Contact(responses, instrument.axis.frame)
+        self.outcome = Outcome(Status.STOPPED, "ended before the requested depth")
+        self.snaps: list[Snap] = []
+        self._solver = StepSolver(instrument, self.contact, guide)
+        self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
+        self._before: _Before | None = None
+        self._inside: Vector | None = None
+        self.states: list[State] = []
+
+    def iterate(self) -> Iterator[State]:
+        """Yield the states one by one; stop early by not asking for more."""
+        try:
+            yield from self._states_to_depth()
+            reached = f"reached {100.0 * self.states[-1].depth:.4g} cm"
+            self.outcome = Outcome(Status.COMPLETED, reached)
+        except _StopError as stop:
+            self.outcome = stop.outcome
+        except NoEquilibriumError as error:
+            self.outcome = Outcome(Status.NOT_CONVERGED, str(error))
+        except LeftTissueError as error:
+            self.outcome = error.outcome
+        except OutsideError:
+            last = self.states[-1]
+            self.outcome = LeftTissueError(last.tip, last.depth).outcome
+
+    def result(self, scene: Scene, model: Model) -> Insertion:
+        """Return the insertion, as far as it went, of a scene in its tissue."""
+        return Insertion(
+            scene=scene,
+            model=model,
+            instrument=self.instrument,
+            outcome=self.outcome,
+            states=tuple(self.states),
+            pieces=tuple(self.contact.pieces),
+            snaps=tuple(self.snaps),
+            evaluations=self._solver.evaluations,
+        )
+
+    def _states_to_depth(self) -> Iterator[State]:
+        yield from self._puncture()
+        while self.max_depth - self.states[-1].depth > AT_DEPTH:
+            end = None if self.within else self._predicted_end()
+            if end is not None:
+                yield self._accept(end)
+                return
+            step = self._next()
+            peak = self._peak(step) if self._may_fall(step) else None
+            highest = step if peak is None else peak
+            if highest.depth > self.max_depth + AT_DEPTH:
+                if self.within:
+                    return
+                yield self._accept(self._at_max_depth(highest), guide=highest)
+            elif peak is not None or step.depth <= self.states[-1].depth:
+                yield from self._snap(peak)
+            else:
+                yield self._accept(step)
+
+    def _may_fall(self, step: Step) -> bool:
+        """Say whether the depth may have a maximum within a step: it gains little, or less."""
+        *_, before, last = self.states
+        gained = last.depth - before.depth if len(self.states) > FROM_PUNCTURE else 0.0
+        return step.depth - last.depth <= LITTLE * gained
+
+    def _predicted_end(self) -> Step | None:
+        """Return the step to the requested depth where the step before says how long it will be.
+
+        None where the next step may be whole, or where the depth does not go on as it did: then
+        the whole step is looked at first.
+        """
+        if len(self.states) <= FROM_PUNCTURE:
+            return None
+        before, last = self.states[-2:]
+        made, left = math.dist(last.tip, before.tip), self.max_depth - last.depth
+        gained = last.depth - before.depth
+        if made <= 0.0 or left * made >= SURE * gained * self.instrument.spacing:
+            return None
+        rate = gained / made
+        try:
+            step = self._solver.solve_to(last.tip, self.max_depth, left / rate, rate)
+            if step is None or left < STEADY * rate * self._length(step):
+                return None
+            self._check_inside(step.tip, step.depth)
+        except (OutsideError, LeftTissueError):
+            return None
+        return step
+
+    def _solve(self, length: float, depth: float | None = None) -> Step:
+        return self._solver.solve(self.states[-1].tip, length, depth)
+
+    def _length(self, step: Step) -> float:
+        return float(np.linalg.norm(step.tip - self.states[-1].tip))
+
+    def _next(self, depth: float | None = None) -> Step:
+        """Return the step over the next piece, or over a part of it that is in the tissue.
+
+        A part is tried as well where no equilibrium is found for the whole.
+        """
+        last, length = self.states[-1], self.instrument.spacing
+        for number in range(HALVINGS + 1):
+            try:
+                step = self._solve(length, depth)
+                self._check_inside(step.tip, step.depth)
+            except OutsideError:  # so is all of the tip
+                if number == HALVINGS:
+                    ahead = last.tip + length * self.instrument.axis.direction
+                    self._check_inside(ahead, last.depth)
+                    raise
+            except (LeftTissueError, NoEquilibriumError):
+                if number == HALVINGS:
+                    raise
+            else:
+                break
+            length *= 0.5
+        return step
+
+    def _check_inside(self, tip: Vector, depth: float) -> None:
+        """Raise a `LeftTissueError` if the tip leaves the tissue on its way to a point."""
+        if tip is self._inside:
+            return
+        last = self.states[-1]
+        share = self._watch.first_exit(last.tip, tip)
+        if share is not None:
+            place = last.tip + share * (tip - last.tip)
+            raise LeftTissueError(place, last.depth + share * (depth - last.depth))
+        self._inside = tip
+
+    def _at_max_depth(self, beyond: Step) -> Step:
+        """Return the step to the requested depth, a part of one that goes beyond it.
+
+        Its length is found by inverse interpolation through the last three lengths tried, within
+        brackets. The direction to begin with is interpolated between those found; far from the
+        depth the lateral equation is solved no more precisely than that calls for.
+        """
+        last, goal = self.states[-1], self.max_depth
+        low, high = 0.0, self._length(beyond)
+        known = [(last.depth - goal, low), (beyond.depth - goal, high)]
+        slopes, step = [(high, beyond.slope)], beyond
+        for _ in range(MOST_ITERATIONS):
+            length = _interpolated(known[-3:], 0.0)
+            if not low < length < high:
+                length = 0.5 * (low + high)
+            near = min(abs(known[-1][0]), high - low)
+            tolerance = max(TOLERANCE, ENOUGH * near)
+            begin = _interpolated(slopes[-3:], length)
+            step = self._solver.solve(last.tip, length, begin=begin, tolerance=tolerance)
+            excess = step.depth - goal
+            precise = float(abs(step.residual).max()) <= TOLERANCE
+            if precise and (abs(excess) <= ROUND_OFF or high - low <= ROUND_OFF):
+                break
+            known.append((excess, length))
+            slopes.append((length, step.slope))
+            if excess > tolerance:
+                high = length
+            elif excess < -tolerance:
+                low = length
+        return step
+
+    def _keep(self, state: State) -> State:
+        self.states.append(state)
+        return state
+
+    def _puncture(self) -> Iterator[State]:
+        """Press on the entry point until the tip's force is that of cutting."""
+        axis = self.instrument.axis
+        weights = self.instrument.tip(axis.entry)
+        trial = self.contact.try_functionals(weights)
+        lateral: Floats = -np.linalg.solve(trial.bare[1:, 1:], trial.bare[1:, 0]).astype(float)
+        limit = self.instrument.cutting_force_at(weights)
+        depth = limit * float(trial.bare[0, 0] + trial.bare[0, 1:] @ lateral)
+        reached = min(1.0, self.max_depth / depth)
+        for share in (0.0, reached):
+            held = _held(axis.entry, weights, limit, lateral)
+            pressed = dataclasses.replace(
+                held,
+                depth=share * depth,
+                time=share * depth / self._speed,
+                tip_force=share * limit,
+                tip_lateral=share * held.tip_lateral,
+            )
+            yield self._keep(pressed)
+        if reached < 1.0:
+            largest = f"the largest depth, {100.0 * self.max_depth:.4g} cm"
+            sentence = f"the skin is cut at {100.0 * depth:.4g} cm, beyond {largest}"
+            raise _StopError(Status.NOT_PUNCTURED, sentence)
+        self.contact.adopt(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
+        self.states[-1] = dataclasses.replace(
+            self.states[-1],
+            axial=np.zeros(1),
+            lateral=limit * lateral[None],
+            tip_lateral=np.zeros(len(lateral)),
+            moved=np.concatenate([[depth], np.zeros(len(lateral))])[None],
+        )
+        path = np.append(0.0, limit * lateral)
+        self._before = _Before(path, trial, trial.bare[0], depth)
+
+    def _accept(self, step: Step, *, jumping: bool = False, guide: Step | None = None) -> State:
+        """Make the step's piece part of the path and keep the state.
+
+        What the next march begins this step with is another step's where one is given: of the
+        whole piece that the last step is a part of.
+        """
+        self._check_inside(step.tip, step.depth)
+        if abs(step.depth - self.max_depth) <= AT_DEPTH:
+            step = step._replace(depth=self.max_depth)
+        forces = step.forces
+        lateral = self.contact.lateral_forces(step.trial, forces)
+        moved = self.contact.displacements(lateral, step.trial, forces)
+        self._before = self._checked(step, lateral, moved)
+        self._solver.follow(guide or step)
+        self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
+        weights = step.trial.weights
+        return self._keep(
+            State(
+                depth=step.depth,
+                tip=step.tip,
+                tip_force=step.tip_force,
+                cutting_force=step.cutting_force,
+                tip_lateral=np.zeros(len(step.lateral)),
+                tip_nodes=weights.nodes,
+                tip_weights=weights.rows[0],
+                axial=self.contact.axial,
+                lateral=np.vstack([lateral, step.lateral]),
+                moved=np.concatenate([moved[:-2], moved[-1:]]),
+                jumping=jumping,
+                time=step.depth / self._speed,
+            )
+        )
+
+    def _checked(self, step: Step, lateral: Floats, moved: Floats) -> _Before:
+        """End the march where a point of the shaft, or the new piece, does not slip forward.
+
+        Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
+        tip before the step. The march ends as well before a step in which friction or the tip
+        would give energy: the tissue at the tip is so strained that it goes ahead of it.
+
+        Parameters
+        ----------
+        step : Step
+        lateral : array, shape (pieces, dim - 1), N (N/m in 2D)
+            Forces on the path after it.
+        moved : array, shape (pieces + 2, dim), m
+            Displacement of the pieces, the tip and the new piece after it.
+
+        Returns
+        -------
+        What the check of the next step needs.
+        """
+        last, known = self.states[-1], self._before
+        assert known is not None
+        trial, forces = step.trial, step.forces
+        dim, count = len(moved[0]), len(last.moved)
+        path = np.zeros((count + 1, dim))
+        path[:count, 0], path[:count, 1:] = last.axial, lateral
+        path[count] = forces[dim:]
+        flat = path.ravel()
+        between = trial.loads @ known.tip.response.at(trial.rows)[:, 0]
+        was = trial.coupling @ known.path + last.tip_force * between
+        travel = step.depth - last.depth
+        slip = travel - moved[1:count, 0] + last.moved[1:, 0]
+        own = travel - float(moved[-1, 0] - was[dim])
+        if own < -STICK_TOLERANCE or slip.min(initial=0.0) < -STICK_TOLERANCE:
+            raise _StopError(
+                Status.RESTICK,
+                f"a point of the shaft stops slipping at depth {100.0 * step.depth:.4g} cm; "
+                "path following ends there",
+            )
+        tip_moved = float(moved[-2, 0])
+        old = travel - float(known.at_tip @ flat[:-dim] + between @ forces) + known.tip_moved
+        new = travel - tip_moved + float(was[0])
+        friction = float(last.axial[1:] @ slip) + 0.5 * step.friction * own
+        if min(old, new, friction) < 0.0:
+            self._check_energy(step, friction, old, new)
+        at_tip = np.append(trial.coupling[0], trial.bare[0, dim:])
+        return _Before(flat, trial, at_tip, tip_moved)
+
+    def _check_energy(self, step: Step, friction: float, old: float, new: float) -> None:
+        """End the march where friction, cutting or a snap would give energy in a step.
+
+        Parameters
+        ----------
+        step : Step
+        friction : float, J (J/m in 2D)
+            What friction takes.
+        old, new : float, m
+            The needle's way past the material at the tip before and after the step.
+        """
+        last = self.states[-1]
+        cutting = 0.5 * (last.cutting_force * old + step.cutting_force * new)
+        excess = 0.5 * ((last.tip_force - last.cutting_force) * old + step.excess * new)
+        least = min(friction, cutting, excess, friction + cutting + excess)
+        force = np.array([state.force for state in self.states])
+        travel = np.diff([state.depth for state in self.states])
+        turnover = 0.5 * float((force[1:] + force[:-1]) @ np.abs(travel))
+        if least < -CREATED * turnover:
+            raise _StopError(
+                Status.RESTICK,
+                f"at depth {100.0 * step.depth:.4g} cm the tissue goes ahead of the tip that cuts "
+                "it; path following ends there",
+            )
+
+    def _snap(self, peak: Step | None) -> Iterator[State]:
+        """Go on from where depth would fall back: at fixed depth, until the tip holds again."""
+        if peak is not None:
+            yield self._accept(peak)
+        first, depth = len(self.states) - 1, self.states[-1].depth
+        step = self._next(depth)
+        while step.excess > 0.0:
+            yield self._accept(step, jumping=True)
+            step = self._next(depth)
+        landing = _root(lambda length: self._solve(length, depth), self._length(step))
+        state = self._accept(landing)
+        self.snaps.append(Snap(depth, first, len(self.states) - 1))
+        yield state
+
+    def _peak(self, step: Step) -> Step | None:
+        """Return the step to the largest depth within a step, if that is beyond both its ends."""
+        low, high = 0.0, self._length(step)
+        ratio, precise = 0.5 * (np.sqrt(5.0) - 1.0), PEAK * high
+        lengths = [high - ratio * (high - low), low + ratio * (high - low)]
+        inner = [self._solve(length) for length in lengths]
+        while high - low > precise:
+            if inner[0].depth > inner[1].depth:
+                high, lengths[1], inner[1] = lengths[1], lengths[0], inner[0]
+                lengths[0] = high - ratio * (high - low)
+                inner[0] = self._solve(lengths[0])
+            else:
+                low, lengths[0], inner[0] = lengths[0], lengths[1], inner[1]
+                lengths[1] = low + ratio * (high - low)
+                inner[1] = self._solve(lengths[1])
+        best = max(inner, key=lambda found: found.depth)
+        return best if best.depth > max(self.states[-1].depth, step.depth) else None
+
+
+def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> State:
+    """Return the state of a tip that presses on the entry point, about to cut."""
+    none = np.zeros((0, len(lateral)))
+    return State(
+        depth=0.0,
+        tip=entry,
+        tip_force=limit,
+        cutting_force=limit,
+        tip_lateral=limit * lateral,
+        tip_nodes=weights.nodes,
+        tip_weights=weights.rows[0],
+        axial=np.zeros(0),
+        lateral=none,
+        moved=np.zeros((0, len(lateral) + 1)),
+    )
+
+
+def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
+    """Return the value of the polynomial through points, (place, value), at a place.
+
+    NaN where two points have the same place.
+    """
+    parts = []
+    for number, (place, value) in enumerate(points):
+        others = [other for n, (other, _) in enumerate(points) if n != number]
+        if place in others:
+            return value * np.nan
+        parts.append(value * math.prod((at - other) / (place - other) for other in others))
+    return sum(parts[1:], parts[0])
+
+
+def _root(solve: Callable[[float], Step], spacing: float) -> Step:
+    """Return the step, of length up to `spacing`, in which the excess force is gone."""
+    low, high = 1e-3 * spacing, spacing
+    for _ in range(60):
+        step = solve(0.5 * (low + high))
+        if step.excess > 0.0:
+            low = 0.5 * (low + high)
+        else:
+            high = 0.5 * (low + high)
+        if high - low < 1e-9 * spacing:
+            break
+    return solve(high)

@@ -1,0 +1,251 @@
+"""One step of a needle in any motion: the equations of tip and shaft.
+
+The tip presses on the crack front, cuts, or is drawn back on its path (`insertion/tip.py`). In all
+of these friction is solved for by return mapping, sticking or slipping (`needle/shaft.py`), against
+the displacement at the step's start.
+"""
+
+import dataclasses
+from typing import Protocol
+
+import numpy as np
+
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.friction import Friction, Rub
+from needlefem.contact.functionals import Sliding, Trial
+from needlefem.contact.shaft_equations import Shaft
+from needlefem.fem.interpolation import Weights
+from needlefem.insertion.cut_path import Track
+from needlefem.insertion.state import State
+
+TOLERANCE = 1e-12
+"""Distance of the tip from where the needle is at which a step is solved, m."""
+
+
+class Field(Protocol):
+    """The tissue's displacement at one time."""
+
+    def means(self, weights: Weights) -> Floats:
+        """Return functionals of it in the needle's frame, shape (nrows, dim), m."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Position:
+    """A place of the tip in the material, and the equations there.
+
+    Parameters
+    ----------
+    tip : array, shape (dim,), m
+    whole : int
+        Number of pieces that the needle fills.
+    length : float, m
+        Of the piece that the tip is in.
+    trial : Trial
+    shaft : Shaft
+    before : array, shape (whole + 1,), m
+        Axial displacement of the pieces, the tip's one among them, at the step's start.
+    kinetic : array, shape (whole + 1,), N (N/m in 2D)
+        Their friction limits when slipping.
+    cutting_force : float, N (N/m in 2D)
+    """
+
+    tip: Vector
+    whole: int
+    length: float
+    trial: Trial
+    shaft: Shaft
+    before: Floats
+    kinetic: Floats
+    cutting_force: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Solution:
+    """Forces at a position of the tip for one depth of the needle.
+
+    Parameters
+    ----------
+    position : Position
+    depth : float, m
+    forces : array, shape (whole + 2,), N (N/m in 2D)
+        Friction of the pieces, then the tip's axial force.
+    slip : array, shape (whole + 1,), m
+        Of the needle relative to the tissue in this step, forward positive.
+    slipped : array, shape (whole + 1,), m
+        Since sticking, at the step's end.
+    gap : float, m
+        From the needle's tip ahead to the material at the tip's position; negative: behind.
+    beside : array, shape (dim - 1,), m
+        Lateral distance of that material from the axis.
+    """
+
+    position: Position
+    depth: float
+    forces: Floats
+    slip: Floats
+    slipped: Floats
+    gap: float
+    beside: Floats
+
+    @property
+    def tip_force(self) -> float:
+        """Axial force of the tip, N (N/m in 2D)."""
+        return float(self.forces[-1])
+
+    @property
+    def excess(self) -> float:
+        """Force of the tip beyond that of cutting."""
+        return self.tip_force - self.position.cutting_force
+
+
+class StepEquations:
+    """Everything that is fixed while one step is solved.
+
+    Parameters
+    ----------
+    contact : Contact
+    track : Track
+    friction : Friction
+    start : State
+        At the step's start.
+    field : Field
+        The tissue's displacement then.
+    """
+
+    def __init__(
+        self, contact: Contact, track: Track, friction: Friction, start: State, field: Field
+    ) -> None:
+        self.contact, self.track, self.friction = contact, track, friction
+        self.depth, self._moved, self._field = start.depth, start.moved[: start.whole], field
+        self.instrument = track.instrument
+        self.evaluations = 0
+        self._slidings: dict[int, tuple[Sliding, Floats]] = {}
+        self._front: Position | None = None
+        self._guess: Floats | None = None
+        self._partly = None if start.end is None else (start.whole, start.end.compliance)
+        self._slid = np.zeros(0) if start.slipping is None else start.slipping
+        self._same = same = start.whole
+        if same < min(track.count, len(start.axial)) and track.arcs[same] <= start.covered:
+            self._same += 1  # the piece that grew is whole
+
+    # positions
+
+    def at_arc(self, arc: float) -> Position:
+        """Return the equations with the tip at a length of the path."""
+        whole, tip = self.track.at(arc)
+        return self.at_point(tip, whole)
+
+    def front(self) -> Position:
+        """Return the equations with the tip at the crack front."""
+        if self._front is None:
+            self._front = self.at_point(self.track.front, self.track.count)
+        elif self.contact.covered != self.track.count:
+            self.contact.cover(self.track.count)
+        return self._front
+
+    def at_point(self, tip: Vector, whole: int) -> Position:
+        """Return the equations with the tip at a material point, in the piece after `whole`."""
+        self.evaluations += 1
+        contact, instrument, axis = self.contact, self.instrument, self.instrument.axis
+        if contact.covered != whole:
+            contact.cover(whole)
+        last = self.track.vertices[whole - 1]
+        weights = instrument.tip_and_piece(tip, last)
+        trial = contact.try_functionals(weights)
+        length = float(np.linalg.norm(tip - last))
+        sliding, before = self._sliding(whole)
+        offset = axis.offset(0.5 * (tip + last))
+        stiffness = instrument.lateral_stiffness * length
+        own = self._field.means(Weights(weights.nodes, weights.rows[1:]))[0, 0]
+        friction = instrument.friction_at(weights) * length
+        return Position(
+            tip=tip,
+            whole=whole,
+            length=length,
+            trial=trial,
+            shaft=Shaft.build(contact, sliding, trial, offset, stiffness),
+            before=np.append(before, own),
+            kinetic=np.append(self.track.kinetic[:whole], friction),
+            cutting_force=instrument.cutting_force_at(weights),
+        )
+
+    def _sliding(self, whole: int) -> tuple[Sliding, Floats]:
+        """Return the covered pieces' equations, and their axial displacement at the start."""
+        if whole not in self._slidings:
+            known = self._moved[:whole, 0]
+            fresh = self.contact.pieces[len(known) : whole]
+            more = [
+                self._field.means(Weights(piece.nodes, piece.weights[None]))[0, 0]
+                for piece in fresh
+            ]
+            self._slidings[whole] = (self.contact.sliding(), np.append(known, more))
+        return self._slidings[whole]
+
+    def _lag(self, whole: int, travel: float) -> Floats | None:
+        """Return how far what slid stays behind the needle if it sticks; None without inertia.
+
+        Of whole pieces that carried force before as well; the others stick by displacement. As
+        far as it is inertia that holds a piece, it goes half the needle's way and half its own,
+        by the measure that is less behind.
+        """
+        swing, same = self.contact.swing, min(whole, self._same)
+        if swing is None:
+            return None
+        slid, found = self._slid[:same], np.zeros(whole + 1)
+        late = np.min(slid * (0.5 * travel - swing[:2, :same]), axis=0)
+        held = np.diagonal(self._slidings[whole][0].compliance)[:same]
+        share = np.minimum(held / swing[2, :same], 1.0)
+        found[:same] = share * slid * np.maximum(late, 0.0)
+        return found
+
+    def _kept(self, position: Position) -> Floats:
+        """Return the friction forces at the step's start on what the needle still lies in then.
+
+        Sticking that gives way is stretched by the force per length, which stays as it was where
+        the tip is drawn back in a piece; material that it cuts anew carries none.
+        """
+        whole, track = position.whole, self.track
+        found = track.pull[: whole + 1]
+        if self.friction.stiffness > 0.0:
+            length = track.arcs[whole] - track.arcs[whole - 1] if whole < track.count else 0.0
+            if self._partly is not None and self._partly[0] == whole:
+                length = 1.0 / (self.instrument.lateral_stiffness * self._partly[1])
+            if position.length < length:
+                found = found.copy()
+                found[-1] *= position.length / length
+        return found
+
+    # forces at a position
+
+    def solve(self, position: Position, depth: float, low: float, high: float) -> Solution:
+        """Solve for friction, and for the tip's force between bounds."""
+        axis, whole, track = self.instrument.axis, position.whole, self.track
+        ends = np.diff(track.arcs[:whole], prepend=0.0)
+        rub = Rub(
+            friction=self.friction,
+            kinetic=position.kinetic,
+            slipped=track.slipped[: whole + 1],
+            travel=position.before + (depth - self.depth),
+            old=self._kept(position),
+            lengths=np.append(ends, position.length),
+            lag=self._lag(whole, depth - self.depth),
+        )
+        start = np.append(rub.old, min(max(0.0, low), high))
+        if self._guess is not None:
+            start = _resized(self._guess, start)
+        shaft, tip = position.shaft, (low, high, depth - float(axis.along(position.tip)))
+        forces, slip, apart = rub.solve(shaft.compliance, shaft.free, start, tip)
+        self._guess = forces
+        beside = axis.offset(position.tip) + shaft.beside(forces)
+        gap = -float(apart[-1])
+        return Solution(position, depth, forces, slip, rub.after(slip), gap, beside)
+
+
+def _resized(guess: Floats, like: Floats) -> Floats:
+    """Return forces for as many pieces as there are now; those of the tip's piece stay last."""
+    found = like.copy()
+    count = min(len(guess), len(like)) - 2
+    found[:count], found[-2:] = guess[:count], guess[-2:]
+    return found

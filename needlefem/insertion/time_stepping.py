@@ -1,0 +1,285 @@
+"""A needle in any motion, stepped in time: insert, hold, retract, and in again.
+
+After every step the tissue is in equilibrium with the needle where it is told to be. Where
+something happens within a step (the tip starts to cut, leaves the crack front or comes back to
+it, leaves the skin), the step is cut there if the tissue has no memory of time; otherwise it
+happens at the step's end. In all tissue a step ends where the needle leaves the skin or comes
+back to it (`skincrossing.py`). A step in which contact would give energy is taken in halves; if
+that does not help, the motion ends there.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from needlefem.contact.friction import Friction
+from needlefem.contact.functionals import Piece
+from needlefem.errors import SimulationError
+from needlefem.fem.interpolation import OutsideError
+from needlefem.fem.tissue_model import Model
+from needlefem.insertion.account import Account
+from needlefem.insertion.events import Chronicle
+from needlefem.insertion.growth import goal, land, run_ahead
+from needlefem.insertion.moments import pressing_state, tell_apart
+from needlefem.insertion.motion_schedule import Tick
+from needlefem.insertion.path_following import March
+from needlefem.insertion.progress import Found, Progress
+from needlefem.insertion.result import Ledger, LeftTissueError, Outcome, Snap, Status
+from needlefem.insertion.skin import touch
+from needlefem.insertion.skincrossing import crossing_of_uncut_skin, crossing_on_path
+from needlefem.insertion.state import State, Way
+from needlefem.insertion.step_equations import Solution, StepEquations
+from needlefem.insertion.tip_phase import Moment, attempt, first_change, within_piece
+from needlefem.insertion.tissue_response import Medium
+from needlefem.needle.needle_interface import Instrument
+
+NUDGE = 1e-5
+"""Depth beyond that of a tip about to run ahead, relative to the spacing, at which it does."""
+GIVES = 1e-10
+"""Energy that contact may give in a step, of the turnover, before the step is halved."""
+HALVINGS = 10
+"""Of such a step, at most."""
+REFUSED = 5e-10
+"""Energy that contact may give in a step, of the turnover, before the motion ends there."""
+
+
+class Stepping:
+    """A needle moved by a schedule.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    medium : Medium
+        The tissue in time.
+    model : Model
+    friction : Friction
+
+    Attributes
+    ----------
+    outcome : Outcome
+        Set when `iterate` is exhausted.
+    snaps : list of Snap
+    """
+
+    def __init__(
+        self, instrument: Instrument, medium: Medium, model: Model, friction: Friction
+    ) -> None:
+        self.instrument, self.medium, self.friction = instrument, medium, friction
+        self.snaps: list[Snap] = []
+        self.outcome = Outcome(Status.STOPPED, "ended before the motion did")
+        self._progress = Progress(instrument, medium, model, friction)
+        self._told_apart = False
+
+    @property
+    def account(self) -> Account:
+        """The energy ledger so far."""
+        return self._progress.account
+
+    @property
+    def chronicle(self) -> Chronicle:
+        """Events and seeds so far."""
+        return self._progress.chronicle
+
+    @property
+    def pieces(self) -> list[Piece]:
+        """Pieces of the path cut so far."""
+        return self._progress.pieces
+
+    @property
+    def evaluations(self) -> int:
+        """Contact evaluations spent."""
+        return self._progress.evaluations
+
+    def iterate(self, ticks: Iterable[Tick]) -> Iterator[State]:
+        """Yield the states one by one; stop early by not asking for more."""
+        try:
+            yield self._progress.state
+            for tick in ticks:
+                if tick.time > self._progress.state.time or tick.releases:
+                    yield from self._tick(tick)
+            sentence = f"the motion ended at {100.0 * self._progress.state.depth:.4g} cm"
+            self.outcome = Outcome(Status.COMPLETED, sentence)
+        except LeftTissueError as error:
+            self.outcome = error.outcome
+        except OutsideError:
+            self.outcome = self._progress.left().outcome
+        except SimulationError as error:
+            sentence = f"after {100.0 * self._progress.state.depth:.4g} cm of depth: {error}"
+            self.outcome = Outcome(Status.NOT_CONVERGED, sentence)
+
+    def take_over(self, march: March, speed: float, spent: Ledger) -> None:
+        """Go on where a march ended; see `Progress.take_over`."""
+        self._progress.take_over(march, speed, spent)
+
+    # a step and what happens in it
+
+    def _tick(self, tick: Tick, halvings: int = HALVINGS) -> Iterator[State]:
+        now = self._progress.state
+        if tick.time > now.time or tick.depth != now.depth:
+            self._progress.begin(tick.duration)
+            if tick.depth < now.depth and not self._told_apart:
+                tell_apart(self._progress.contact, self._progress.track, self.friction)
+                self._told_apart = True
+            start = (now.time, now.depth)
+            while (now := self._progress.state).time < tick.time or now.depth != tick.depth:
+                if not self.medium.timeless and now.time > start[0]:
+                    tick = tick._replace(duration=tick.time - now.time)  # what is left of it
+                    start = (now.time, now.depth)
+                    self._progress.begin(tick.duration)
+                yield from self._advance(tick, start, halvings)
+        elif tick.releases:
+            yield self._progress.release(tick.releases)
+
+    def _advance(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
+        """Go to the tick's depth, or to where something happens before, if time can be cut."""
+        if not self.pieces:
+            yield from self._touch(tick, start, halvings)
+            return
+        old, arc, timeless = self._progress.state, self._progress.arc, self.medium.timeless
+        equations = self._progress.equations()
+        new = attempt(equations, old.way, arc, tick.depth)
+        room = np.inf
+        if new.way is Way.CUTTING and new.solution is None:
+            room = self._progress.room()
+        if timeless:
+            if new.way is not old.way:
+                new = first_change(equations, old, arc, new) or new
+            new = within_piece(equations, new, room)
+        if new.way is Way.CUTTING and new.solution is None:
+            yield from self._run_ahead(tick, start)
+        else:
+            found = self._progress.found(new, tick.time_at(new.depth, start))
+            if self._crosses_skin(tick, new.way is Way.OUT):
+                share = crossing_on_path(self._progress, tick)
+                if share < 1.0:
+                    yield self._accept(self._ended_at(share, tick), tick)
+                    return
+            yield from self._settle(found, tick, halvings)
+
+    def _accept(self, found: Found, tick: Tick) -> State:
+        """Accept what was found, and release at the tick's end what is released there.
+
+        Raises
+        ------
+        SimulationError
+            Contact gives energy in the step.
+        """
+        self._refuse_gift(found)
+        state = self._progress.accept(found)
+        if state.time >= tick.time and state.depth == tick.depth and tick.releases:
+            return self._progress.release(tick.releases)
+        return state
+
+    def _settle(self, found: Found, tick: Tick, halvings: int) -> Iterator[State]:
+        """Accept what was found, or take the step in halves if contact gives too much in it."""
+        if self._gives(found, GIVES) and halvings:
+            yield from self._in_halves(tick, halvings)
+        else:
+            yield self._accept(found, tick)
+
+    def _gives(self, found: Found, most: float) -> bool:
+        """Say whether contact gives more than a part of the turnover in a step."""
+        return found.spent.least < -most * (self.account.turnover + abs(found.spent.work))
+
+    def _refuse_gift(self, found: Found) -> None:
+        """Raise a `SimulationError` if contact gives energy in a step."""
+        if self._gives(found, REFUSED):
+            depth, work = self._progress.state.depth, self.account.turnover
+            share = -found.spent.least / (work + abs(found.spent.work))
+            raise SimulationError(
+                f"beyond {depth:.4g} m contact would give energy, {share:.1e} of the work so far: "
+                "the tissue at the needle is strained beyond what small strain describes; refine "
+                "the mesh there, or take a stiffer tissue or a sharper needle"
+            )
+
+    def _crosses_skin(self, tick: Tick, out: bool) -> bool:
+        """Say whether a step, at whose end the needle is out or not, is cut at the skin.
+
+        Tissue with inertia is met at the step's end: in the short rest of a step it would be
+        brought to the needle's velocity by too large a force. The needle leaves it, where it is
+        not the tissue that swings away, at that moment.
+        """
+        now = self._progress.state
+        if self.medium.timeless or out is (now.way is Way.OUT):
+            return False
+        return not self.medium.inertial or (out and tick.depth < now.depth)
+
+    def _ended_at(self, share: float, tick: Tick) -> Found:
+        """Return a step's end with the needle at the skin, touching nothing."""
+        now = self._progress.state
+        time = now.time + share * (tick.time - now.time)
+        depth = now.depth + share * (tick.depth - now.depth)
+        self._progress.begin(time - now.time)
+        return self._progress.free(time, depth)
+
+    def _in_halves(self, tick: Tick, halvings: int) -> Iterator[State]:
+        """Take the step in two of half its duration."""
+        now, half = self._progress.state, 0.5 * tick.duration
+        middle = Tick(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
+        for part in (middle, tick._replace(duration=half)):
+            yield from self._tick(part, halvings - 1)
+
+    def _run_ahead(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
+        """Let the tip run on at fixed depth until its force is back at that of cutting."""
+        progress, timeless, depth = self._progress, self.medium.timeless, tick.depth
+        first, track = progress.count, progress.track
+        if timeless:
+            depth = min(depth, progress.state.depth + NUDGE * self.instrument.spacing)
+        time, released = tick.time_at(depth, start), self.account.snap
+        while True:
+            equations = progress.equations()
+            high, low = goal(equations), None
+            step = self._ahead(equations, high, depth)
+            high = step.position.length
+            while self.medium.inertial and step.excess > 0.0:
+                low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
+                step = run_ahead(equations, high, depth)
+            if step.excess <= 0.0:
+                break
+            jump = progress.found(Moment(Way.JUMPING, track.length, depth, step), time)
+            self._refuse_gift(jump)
+            yield progress.accept(jump)
+        landing = land(equations, high, depth, low)
+        moment = Moment(Way.CUTTING, track.length, depth, landing, whole=timeless)
+        found = progress.found(moment, time)
+        state = self._accept(found, tick)
+        self.snaps.append(Snap(depth, first, progress.count))
+        self.chronicle.happens("snap", self.account.snap - released, state)
+        yield state
+
+    def _ahead(self, equations: StepEquations, length: float, depth: float) -> Solution:
+        """Run ahead, as far as there is tissue around the tip."""
+        grown = self._progress.track.length - self._progress.track.arcs[-1]
+        for _ in range(HALVINGS):
+            try:
+                return run_ahead(equations, length, depth)
+            except OutsideError:
+                length = 0.5 * (grown + length)
+        return run_ahead(equations, length, depth)
+
+    def _touch(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
+        """Press on the skin, and cut it."""
+        progress, timeless = self._progress, self.medium.timeless
+        weights = progress.tip_at_entry
+        limit = self.instrument.cutting_force_at(weights)
+        before = progress.state.depth if timeless else tick.depth
+        found = touch(progress.contact, weights, limit, (before, tick.depth))
+        time = tick.time_at(found.depth, start)
+        if self._crosses_skin(tick, found.forces[0] <= 0.0):
+            share = crossing_of_uncut_skin(progress, tick)
+            if share < 1.0:
+                yield self._accept(self._ended_at(share, tick), tick)
+                return
+        if found.forces[0] <= 0.0:
+            yield from self._settle(progress.free(time, found.depth), tick, halvings)
+            return
+        trial, forces = found.trial, found.forces
+        held = pressing_state(progress.track, trial, forces, time, found.depth)
+        states = []
+        if not found.punctured or timeless:
+            states.append(self._accept(progress.pressing(held, trial, forces), tick))
+        if found.punctured:
+            progress.puncture(trial, len(forces) - 1)
+            at = progress.state if timeless else held
+            self.chronicle.happens("puncture", sum(progress.spent), at)
+        yield from states

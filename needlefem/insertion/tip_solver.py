@@ -1,0 +1,345 @@
+"""One step along the cut path: where the tip is next, and at which depth."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.functionals import Trial
+from needlefem.fem.interpolation import OutsideError
+from needlefem.insertion.guide import Guide, LastStep
+from needlefem.mesh.entry import place_text
+from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.needle_interface import Instrument
+
+TOLERANCE = 1e-12
+"""Lateral distance of the tip from the axis at which a step is solved, m."""
+STALLED = 1e-15
+"""Change of the tip's direction below which iterating is in vain."""
+STEEPEST = 0.9
+"""Largest sine of the angle between a step and the needle's axis."""
+MOST_ITERATIONS = 40
+ROUND_OFF = 1e-14
+"""Distance from the requested depth to which the last step is solved, m."""
+LEAST_TURNING = 0.25
+"""Lateral displacement of the tip over that on its path below which its direction is lost."""
+DIFFERENCE = 0.05
+"""Lateral displacement, over the length of the step, to look at that."""
+PLANE = 2
+FEW_ITERATIONS = 10
+"""Of a step whose length is solved for as well; a good guess takes five."""
+
+
+class Step(NamedTuple):
+    """A step that satisfies the axial equations.
+
+    Parameters
+    ----------
+    tip : array, shape (dim,), m
+        Material point at the tip.
+    trial : Trial
+        Its functionals: the tip's kernel, and the piece of path behind it.
+    depth : float, m
+    tip_force, cutting_force : float, N (N/m in 2D)
+        Axial force of the tip, and that at which it cuts there.
+    friction : float, N (N/m in 2D)
+        On the piece.
+    lateral : array, shape (dim - 1,), N (N/m in 2D)
+        On the piece.
+    offset : array, shape (dim - 1,), m
+        Lateral offset of the piece's material from the axis, undeformed.
+    compliance : float, m/N
+        Of the piece's lateral hold.
+    residual : array, shape (dim - 1,), m
+        Lateral distance of the tip from the axis.
+    slope : array, shape (dim - 1,)
+        Of the path across the axis, over its length.
+    """
+
+    tip: Vector
+    trial: Trial
+    depth: float
+    tip_force: float
+    cutting_force: float
+    friction: float
+    lateral: Floats
+    offset: Floats
+    compliance: float
+    residual: Floats
+    slope: Floats
+
+    @property
+    def forces(self) -> Floats:
+        """Forces on the trial's functionals."""
+        none = np.zeros_like(self.lateral)
+        return np.concatenate([[self.tip_force], none, [self.friction], self.lateral])
+
+    @property
+    def excess(self) -> float:
+        """Force of the tip beyond that of cutting."""
+        return self.tip_force - self.cutting_force
+
+
+class NoEquilibriumError(Exception):
+    """No step of this length was found."""
+
+
+def not_found(length: float, last: Vector, turning: float, limit: float) -> str:
+    """Return what to say when no step of a length (m) from a material point (m) was found.
+
+    Parameters
+    ----------
+    length : float, m
+    last : array, shape (dim,), m
+    turning : float
+        Lateral displacement of the tip's material over that of the tip on its path, at the
+        direction that was expected: 1 in rigid tissue, 0 where strained tissue leaves no direction.
+    limit : float, N (N/m in 2D)
+        Cutting force there.
+    """
+    sentence = (
+        f"no equilibrium was found with the tip {1e3 * length:.3g} mm beyond {place_text(last)} of "
+        "the tissue; "
+    )
+    if not turning < LEAST_TURNING:
+        return sentence + (
+            "shorten discretisation.path_spacing or refine the mesh along the needle"
+        )
+    unit = "N/m" if len(last) == PLANE else "N"
+    return sentence + (
+        "the tissue at the tip is strained beyond what small strain describes: lower the cutting "
+        f"force there, to about {0.5 * limit:.3g} {unit}, or take a stiffer tissue"
+    )
+
+
+def smallest_turning(beside: Callable[[Floats], Floats], sideways: Floats, length: float) -> float:
+    """Return the smallest derivative of the tip's lateral place to its lateral place on the path.
+
+    Parameters
+    ----------
+    beside : callable
+        Takes the tip's place across the axis, shape (dim - 1,), m; returns its lateral distance
+        from the axis, in the same way.
+    sideways : array, shape (dim - 1,), m
+    length : float, m
+        Of the step, which scales the differences.
+
+    Returns
+    -------
+    Real part of the smallest eigenvalue; NaN where there is no tissue.
+    """
+    change = DIFFERENCE * length
+    try:
+        columns = [
+            (beside(sideways + change * unit) - beside(sideways - change * unit)) / (2.0 * change)
+            for unit in np.eye(len(sideways))
+        ]
+    except OutsideError:
+        return float("nan")
+    return float(np.linalg.eigvals(np.column_stack(columns)).real.min())
+
+
+class StepSolver:
+    """Finds steps from the end of the path, learning from one for the next.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    contact : Contact
+        The path so far.
+    guide : Guide, optional
+        What is known from a march nearby.
+    """
+
+    def __init__(
+        self, instrument: Instrument, contact: Contact, guide: Guide | None = None
+    ) -> None:
+        self._instrument, self._contact = instrument, contact
+        self._guide = guide or Guide(instrument.axis.entry)
+        lateral = len(instrument.axis.laterals)
+        self._slope = np.zeros(lateral)
+        self._jacobian = np.eye(lateral)
+        self.evaluations = 0
+
+    def follow(self, step: Step) -> None:
+        """Expect the next step to go on in the direction of one just made."""
+        self._slope = step.slope
+        self._guide.learnt.append((self._slope, self._jacobian))
+
+    def solve(
+        self,
+        last: Vector,
+        length: float,
+        depth: float | None = None,
+        begin: Floats | None = None,
+        tolerance: float = TOLERANCE,
+    ) -> Step:
+        """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
+
+        Parameters
+        ----------
+        last : array, shape (dim,), m
+            Material point at the tip now.
+        length : float, m
+            Distance of the next one from it.
+        depth : float, m, optional
+            When given, the tip's force is what holds the tip at this depth; else it is the
+            cutting force, and the depth follows.
+        begin : array, shape (dim - 1,), optional
+            Slope to begin with; when left out, what the steps before suggest.
+        tolerance : float, m
+            Lateral distance of the tip from the axis at which the step is solved.
+
+        Raises
+        ------
+        NoEquilibriumError
+        """
+        start = _Start(last, self._instrument.axis)
+        slope, jacobian = begin, self._jacobian
+        if slope is None:
+            slope, jacobian = self._guide.guess(self._slope, jacobian)
+        steep = math.sqrt(slope @ slope)
+        if steep > STEEPEST:  # an extrapolated direction can be none
+            slope = slope * (STEEPEST / steep)
+        sideways = slope * length
+        step = self._try(start, length, sideways, depth)
+        for _ in range(MOST_ITERATIONS):
+            if abs(step.residual).max() <= tolerance:
+                self._jacobian = jacobian
+                return step
+            change = -solved(jacobian, step.residual)
+            wanted = sideways + change
+            size = math.sqrt(wanted @ wanted)
+            if size > STEEPEST * length:
+                wanted *= STEEPEST * length / size
+                change = wanted - sideways
+            if math.sqrt(change @ change) <= STALLED * length:
+                break
+            new = self._try(start, length, wanted, depth)
+            error = new.residual - step.residual - jacobian @ change
+            jacobian = jacobian + error[:, None] * (change / (change @ change))
+            sideways, step = wanted, new
+        begin = slope * length
+        turning = smallest_turning(
+            lambda across: self._try(start, length, across, depth).residual, begin, length
+        )
+        raise NoEquilibriumError(not_found(length, last, turning, step.cutting_force))
+
+    def solve_to(self, last: Vector, depth: float, length: float, rate: float) -> Step | None:
+        """Find the step that ends at a depth: its length together with its direction.
+
+        Broyden's method for both. None: not found from this guess.
+
+        Parameters
+        ----------
+        last : array, shape (dim,), m
+            Material point at the tip now.
+        depth : float, m
+            Where the step ends.
+        length : float, m
+            Guess; a march nearby knows a better one.
+        rate : float
+            Depth gained over length, about.
+        """
+        start, slope = _Start(last, self._instrument.axis), self._slope
+        number, known = len(self._guide.learnt), self._guide.guess_last()
+        if known is None:
+            jacobian = np.eye(len(slope) + 1)
+            jacobian[0, 0], jacobian[1:, 1:] = rate, length * self._jacobian
+            unknown = np.append(length, slope)
+        else:
+            jacobian = known.derivatives
+            unknown = np.append(known.length, slope + known.turned)
+        error = change = np.zeros(0)
+        for _ in range(FEW_ITERATIONS):
+            sideways = unknown[0] * unknown[1:]
+            if not 0.0 < unknown[0] <= self._instrument.spacing or (
+                sideways @ sideways > (STEEPEST * unknown[0]) ** 2
+            ):
+                return None
+            step = self._try(start, float(unknown[0]), sideways, None)
+            reached = np.append(step.depth - depth, step.residual)
+            if len(change):
+                wrong = reached - error - jacobian @ change
+                jacobian = jacobian + wrong[:, None] * (change / (change @ change))
+            error = reached
+            if abs(error[0]) <= ROUND_OFF and abs(error[1:]).max() <= TOLERANCE:
+                turned = step.slope - slope
+                self._guide.last = LastStep(number, float(unknown[0]), turned, jacobian)
+                return step if jacobian[0, 0] > 0.0 else None
+            change = -solved(jacobian, error)
+            unknown = unknown + change
+        return None
+
+    def _try(self, start: "_Start", length: float, sideways: Floats, depth: float | None) -> Step:
+        """Put the tip `length` further along the path, `sideways` of it across the axis."""
+        self.evaluations += 1
+        instrument, axis = self._instrument, self._instrument.axis
+        last, forward = start.point, math.sqrt(length**2 - sideways @ sideways)
+        tip = last + forward * axis.direction + sideways @ axis.laterals
+        weights = instrument.tip_and_piece(tip, last)
+        trial = self._contact.try_functionals(weights)
+        limit, friction = instrument.resistance(weights)
+        friction *= length
+        hold = 1.0 / (instrument.lateral_stiffness * length)
+        before, here = start.offset, start.offset + sideways
+        offset = 0.5 * (here + before)
+        lateral, moved = _eliminated(trial, friction, offset, hold)
+        ahead = start.along + forward
+        force = limit if depth is None else float((depth - ahead - moved[0, 0]) / moved[0, 1])
+        return Step(
+            tip=tip,
+            trial=trial,
+            depth=ahead + float(moved[0, 0] + force * moved[0, 1]),
+            tip_force=force,
+            cutting_force=limit,
+            friction=friction,
+            lateral=lateral[:, 0] + force * lateral[:, 1],
+            offset=offset,
+            compliance=hold,
+            residual=here + moved[1:, 0] + force * moved[1:, 1],
+            slope=sideways / length,
+        )
+
+
+class _Start:
+    """Where a step starts: a material point, its offset from the axis and its place along it."""
+
+    def __init__(self, point: Vector, axis: Axis) -> None:
+        self.point, self.offset = point, axis.offset(point)
+        self.along = float(axis.along(point))
+
+
+def _eliminated(
+    trial: Trial, friction: float, offset: Floats, hold: float
+) -> tuple[Floats, Floats]:
+    """Return the piece's lateral force and the tip's displacement when the piece is held.
+
+    Shapes (dim - 1, 2) and (dim, 2). Columns: constant part, and part per unit of tip force.
+    """
+    compliance, dim = trial.compliance, len(offset) + 1
+    if dim == 2:  # one number is left to solve for: arrays would cost more than all the rest
+        (c00, _, c02, c03), (c10, _, c12, c13), _, (c30, _, c32, c33) = compliance.tolist()
+        d0, d1, _, d3 = trial.displacement.tolist()
+        held = -1.0 / (c33 + hold)
+        push, rate = held * (d3 + friction * c32 + float(offset[0])), held * c30
+        along = d0 + friction * c02 + c03 * push, c00 + c03 * rate
+        across = d1 + friction * c12 + c13 * push, c10 + c13 * rate
+        return np.array([[push, rate]]), np.array([along, across])
+    parts = compliance[:, [dim, 0]]
+    parts[:, 0] = trial.displacement + friction * parts[:, 0]
+    rhs = parts[dim + 1 :].copy()
+    rhs[:, 0] += offset
+    stiff = compliance[dim + 1 :, dim + 1 :] + hold * np.eye(dim - 1)
+    lateral: Floats = -np.linalg.solve(stiff, rhs).astype(float)
+    return lateral, parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
+
+
+def solved(matrix: Floats, rhs: Floats) -> Floats:
+    """Solve a small system; one equation is all that lateral directions in the plane need."""
+    if len(matrix) == 1:
+        return rhs / float(matrix[0, 0])
+    return np.linalg.solve(matrix, rhs).astype(float)

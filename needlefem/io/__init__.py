@@ -1,0 +1,1 @@
+"""Results in files: written, and read again."""

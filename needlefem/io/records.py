@@ -1,0 +1,188 @@
+"""Results as plain data: the JSON contract of `plan` and `run`. Points in metres."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from needlefem._arrays import Vector
+from needlefem.checks.result import CheckResult
+from needlefem.insertion.result import Insertion, Ledger, Seed, Status
+from needlefem.insertion.trajectory import Reach
+from needlefem.needle.insertion_axis import Axis
+from needlefem.planning.headline import Headline, headline
+from needlefem.planning.result import Barred, Evidence, Plan, Release
+from needlefem.planning.search import Solution
+from needlefem.scene import Scene
+from needlefem.scene.meshing import Coordinates
+
+
+def origin(scene: Scene) -> dict[str, Any]:
+    """Return which case a result came from, and what was replaced in it."""
+    source = None if scene.source is None else scene.source.resolve()
+    return {"case": scene.title, "source": source, "overrides": scene.overrides}
+
+
+def check_record(check: CheckResult) -> dict[str, Any]:
+    """Return a check with its verdict."""
+    return dataclasses.asdict(check) | {"passed": check.passed}
+
+
+def pushed_record(axis: Axis, point: Vector | None) -> dict[str, Any]:
+    """Return how a needle on an axis brings its tip to a point: where it enters, how deep it goes.
+
+    The depth (m) counts from the entry, whatever the coordinates of the skin are.
+    """
+    depth = None if point is None else float(axis.along(point))
+    return {"entry": None if point is None else axis.entry, "release_depth": depth}
+
+
+def release_record(release: Release | None, axis: Axis) -> dict[str, Any] | None:
+    """Return where something was released on an axis, how deep, and where it came to rest."""
+    if release is None:
+        return None
+    return dataclasses.asdict(release) | pushed_record(axis, release.release_point)
+
+
+def plan_record(plan: Plan) -> dict[str, Any]:
+    """Return a plan; see `docs/json.md`."""
+    best = plan.best
+    return {
+        "status": plan.status,
+        "sentence": plan.sentence,
+        "target": plan.target,
+        "release_point": None if best is None else best.release_point,
+        "placed_at": None if best is None else best.placed_at,
+        "placement_error": None if best is None else best.placement_error,
+        **pushed_record(plan.insertion.axis, None if best is None else best.release_point),
+        "unplanned": release_record(plan.unplanned, plan.level.axis),
+        "depth_only": release_record(plan.depth_only, plan.level.axis),
+        "headline": headline_record(headline(plan)),
+        "insertions": plan.insertions,
+        "search": search_record(plan.search, plan.solution),
+        "other_solutions": plan.other_solutions,
+        "scan_insertions": plan.scan_insertions,
+        "snaps": len(plan.insertion.snaps),
+        "direction": plan.insertion.axis.direction,
+        "obstacles": [dataclasses.asdict(passing) for passing in plan.passings],
+        "barred": _barred_record(plan.barred),
+        "refused": [dataclasses.asdict(refusal) for refusal in plan.refusals],
+        "missing": dict(plan.missing),
+    } | ({} if plan.evidence is None else _evidence_record(plan.evidence, plan.missing))
+
+
+def headline_record(found: Headline) -> dict[str, Any]:
+    """Return the estimated placement error (m), what it contains, and what it does not."""
+    strains = found.validity
+    return {
+        "placement_error": found.placement_error,
+        "contains": dict(found.contains),
+        "unknown": found.unknown or None,
+        "strains_beyond_limit": None if strains is None else strains.beyond_limit,
+        "sentence": found.sentence,
+    }
+
+
+def _barred_record(barred: Barred | None) -> dict[str, Any] | None:
+    if barred is None:
+        return None
+    return dataclasses.asdict(barred.release) | dataclasses.asdict(barred.passing)
+
+
+def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str, Any]:
+    energies, strains, on = evidence.ledger, evidence.validity, evidence.discretisation
+    return {
+        "missing": {**missing, **evidence.missing},
+        "discretisation": None if on is None else dataclasses.asdict(on),
+        "energy_residual": None if energies is None else energies.residual,
+        "energy": None if energies is None else ledger_record(energies),
+        "validity": None if strains is None else dataclasses.asdict(strains),
+        "estimate": None if evidence.estimate is None else dataclasses.asdict(evidence.estimate),
+        "trail": [dataclasses.asdict(attempt) for attempt in evidence.trail],
+        "preflight": [check_record(check) for check in evidence.preflight],
+        "timings": evidence.timings,
+        "skipped": evidence.skipped,
+        "reasons": evidence.reasons,
+        "warnings": evidence.warnings,
+    }
+
+
+def search_record(name: str, solution: Solution) -> dict[str, Any]:
+    """Return the heights that a search tried (relative to the target's) and their misses."""
+    heights = [height for height, _ in solution.tried]
+    misses = [miss for _, miss in solution.tried]
+    return {"method": name, "found": solution.found, "heights": heights, "misses": misses}
+
+
+def ledger_record(found: Ledger) -> dict[str, Any]:
+    """Return the terms of an energy ledger, J (J/m in 2D), and how well it closes."""
+    return dataclasses.asdict(found) | {"residual": found.residual, "given": found.given}
+
+
+def insertion_record(insertion: Insertion) -> dict[str, Any]:
+    """Return the histories of an insertion."""
+    states = insertion.states
+    return {
+        "status": insertion.outcome.status,
+        "sentence": insertion.outcome.sentence,
+        "entry": insertion.axis.entry,
+        "puncture_depth": insertion.puncture_depth,
+        "depth": insertion.depths,
+        "tip_path": insertion.tips,
+        "tip_force": [state.tip_force for state in states],
+        "shaft_force": [float(state.axial.sum()) for state in states],
+        "lateral_force": [state.lateral.sum(axis=0) + state.tip_lateral for state in states],
+        "jumping": [state.jumping for state in states],
+        "time": [state.time for state in states],
+        "tip": [state.way for state in states],
+        "sticking": [
+            None if state.slipping is None else int(np.count_nonzero(state.slipping[1:] == 0))
+            for state in states
+        ],
+        "events": [dataclasses.asdict(event) for event in insertion.events],
+        "snaps": [dataclasses.asdict(snap) for snap in insertion.snaps],
+        "evaluations": insertion.evaluations,
+    }
+
+
+def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
+    """Return a seed: where the tip let it go, where it rests, and its distance to the target.
+
+    Where the insertion broke off nothing is placed: the seed is where it would rest.
+    """
+    cut = insertion.puncture_depth is not None and reach.depth >= insertion.puncture_depth
+    ended = insertion.outcome.status in (Status.COMPLETED, Status.NOT_PUNCTURED)
+    return {
+        "name": "",
+        "released_at": insertion.axis.tip(reach.depth),
+        "release_depth": reach.depth,
+        "placed_at": reach.point,
+        "shortcut": reach.point,
+        "now_at": None,
+        "from_rest": None,
+        "placement_error": _error(reach.point, insertion.scene.target),
+        "status": ("placed" if cut else "not_punctured") if ended else "not_placed",
+    }
+
+
+def released_record(
+    seed: Seed, place: Vector, target: Coordinates | None, axis: Axis
+) -> dict[str, Any]:
+    """Return a seed that a motion released; `place` is where it is when the motion ends."""
+    return {
+        "name": seed.name,
+        "time": seed.time,
+        "released_at": seed.released_at,
+        "release_depth": float(axis.along(seed.released_at)),
+        "placed_at": seed.point,
+        "shortcut": seed.shortcut,
+        "now_at": place,
+        "from_rest": float(np.linalg.norm(place - seed.point)),
+        "placement_error": _error(seed.point, target),
+        "status": "placed" if seed.inside else "not_punctured",
+    }
+
+
+def _error(point: Vector, target: Coordinates | None) -> float | None:
+    return None if target is None else float(np.linalg.norm(point - np.array(target)))

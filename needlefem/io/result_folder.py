@@ -1,0 +1,243 @@
+"""A folder for the result of one command: locked while it is written, without older files.
+
+Until the result is complete a hidden file says which command's it is, so that a result whose
+command was interrupted, or is still at work, is not taken for a whole one.
+"""
+
+import errno
+import json
+import os
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from needlefem.errors import CaseError, OutputError
+from needlefem.io.files import remove_parts, write_text, writing
+
+fcntl: Any = import_module("fcntl") if os.name == "posix" else None
+"""Locks; without them, on Windows, simultaneous runs are not told apart."""
+
+MARK = ".needlefem.json"
+"""File that says what is in a folder whose result is not complete."""
+LOCK = ".needlefem.lock"
+"""File that is locked by the process that writes; its content is the process' number."""
+RUNNING, STOPPED = "running", "stopped"
+INNER = ("insertion", "motion")
+"""Folders for snapshots."""
+PICTURE = r"(png|webp|jpg)"
+FILES = {
+    "run": (
+        r"run\.json", r"(insertion|events|shaft)\.csv", rf"(forces|sticking)\.{PICTURE}",
+        r"insertion\.pvd", r"insertion/\d{4,}\.vtu",
+    ),
+    "plan": (r"plan\.json", rf"(stages|depth|height)\.{PICTURE}"),
+    "modes": (r"modes\.json", r"modes\.vtu", rf"modes\.{PICTURE}"),
+    "motion": (r"motion\.json", r"motion\.csv", r"motion\.pvd", r"motion/\d{7,}\.vtu"),
+    "verify": (r"verification\.(json|html)",),
+}  # fmt: skip
+"""Patterns of the files that a command writes, relative to its folder."""
+TABLES = {"run": ("insertion", "events", "shaft"), "motion": ("motion",)}
+"""Tables that every result of a command has, without ``.csv``."""
+TOLD_BY = {
+    "plan.json": ("plan", b'"release_point"'),
+    "run.json": ("run", b'"puncture_depth"'),
+    "modes.json": ("modes", b'"critical_steps"'),
+    "motion.json": ("motion", b'"duration"'),
+    "verification.json": ("verify", b'"problems"'),
+    "insertion.csv": ("run", b"time [s],depth [m],speed [m/s],tip,"),
+}
+"""Files that tell a command's result, the command, and what files of other origin do not hold."""
+
+
+class ResultFolder:
+    """A folder that one command writes into; see `result_folder`."""
+
+    def __init__(self, path: Path, command: str, key: str) -> None:
+        self.path, self.command, self.key = path, command, key
+        self.begun = False
+
+    def begin(self) -> None:
+        """Remove the files of an earlier result; from here on the folder is this command's.
+
+        Raises
+        ------
+        CaseError
+            A file with the name of one of this command's is there, but no result: it may be the
+            user's own.
+        OutputError
+            The folder can't be written.
+        """
+        if self.begun:
+            return
+        old = ours(self.path, self.command)
+        if old and held_by(self.path) is None:
+            problem = f"'{self.path}' holds '{old[0]}', which is no result of this command"
+            raise CaseError(self.key, problem, "give another folder")
+        self._mark(RUNNING)  # before anything is removed
+        self.begun = True
+        with writing(self.path):
+            for name in old:
+                (self.path / name).unlink(missing_ok=True)
+            for place in INNER:
+                with suppress(OSError):  # it is not there, or has files of the user's
+                    (self.path / place).rmdir()
+
+    def _mark(self, status: str) -> None:
+        record = {"command": self.command, "status": status}
+        write_text(self.path / MARK, json.dumps(record) + "\n")
+
+    def end(self, *, complete: bool) -> None:
+        """Let a result that was begun be taken for a whole one, or for one that is not."""
+        if not self.begun:
+            return
+        if not complete:
+            with suppress(OutputError):  # what stopped the command may be a full disk
+                self._mark(STOPPED)
+            return
+        with writing(self.path):
+            (self.path / MARK).unlink(missing_ok=True)
+
+
+_open: dict[tuple[Path, int], ResultFolder] = {}
+"""Folders that this process writes into, by path and thread."""
+
+
+@contextmanager
+def result_folder(path: str | Path, command: str, key: str = "--out") -> Iterator[ResultFolder]:
+    """Make and lock a folder for the result of a command; its `begin` removes the earlier one.
+
+    What writes within a command may ask for its folder again, and gets the same.
+
+    Parameters
+    ----------
+    path : str or Path
+    command : str
+        A key of `FILES`.
+    key : str
+        Name of the option that gives the path, for messages.
+
+    Raises
+    ------
+    CaseError
+        Another process is writing there, or the folder holds the result of another command.
+    OutputError
+        The folder can't be made or written.
+    """
+    folder = Path(path)
+    with writing(folder):
+        made = [above for above in (folder, *folder.parents) if not above.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        own = folder.resolve(), threading.get_ident()
+    if own in _open:
+        yield _open[own]
+        return
+    try:
+        with _locked(folder, key):
+            held = held_by(folder)
+            if held not in (None, command):
+                problem = f"'{folder}' holds the result of '{held}'"
+                raise CaseError(key, problem, "give another folder, or remove it")
+            with writing(folder):
+                for place in ("", *INNER):
+                    remove_parts(folder / place, locked=True)
+            found = _open[own] = ResultFolder(folder, command, key)
+            try:
+                yield found
+            except BaseException:
+                found.end(complete=False)
+                raise
+            finally:
+                del _open[own]
+            found.end(complete=True)
+    finally:
+        for above in made:  # nothing is left of a command that was refused
+            with suppress(OSError):
+                above.rmdir()
+
+
+@contextmanager
+def _locked(folder: Path, key: str) -> Iterator[None]:
+    """Hold the folder's lock; the system drops it with the process, however that ends."""
+    path = folder / LOCK
+    while True:
+        with writing(folder):
+            file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(file, folder, key)
+            if _same(file, path):
+                break
+        except BaseException:
+            os.close(file)
+            raise
+        os.close(file)  # its holder has removed it meanwhile
+    try:
+        with writing(folder):
+            os.ftruncate(file, 0)
+            os.write(file, f"{os.getpid()}\n".encode())
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink()
+        os.close(file)
+
+
+def _lock(file: int, folder: Path, key: str) -> None:
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in (errno.EAGAIN, errno.EACCES, errno.EWOULDBLOCK):
+            return  # a file system without locks
+        who = os.pread(file, 20, 0).decode("ascii", "replace").strip()
+        problem = f"process {who or 'of another command'} is writing into '{folder}'"
+        raise CaseError(key, problem, "wait for it, or give another folder") from None
+
+
+def _same(file: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+def ours(folder: Path, command: str) -> list[str]:
+    """Return the files of a folder that have the names of a command's, relative to it."""
+    patterns = [re.compile(pattern) for pattern in FILES[command]]
+    names = [path.relative_to(folder).as_posix() for path in _listed(folder)]
+    return sorted(n for n in names if any(pattern.fullmatch(n) for pattern in patterns))
+
+
+def _listed(folder: Path) -> Iterator[Path]:
+    for path in folder.iterdir():
+        if path.is_file() or path.is_symlink():
+            yield path
+        elif path.name in INNER and path.is_dir():
+            yield from (inner for inner in path.iterdir() if inner.is_file())
+
+
+def mark_of(folder: Path) -> dict[str, object] | None:
+    """Return what the folder's hidden file says; None where there is none that can be read."""
+    if not (folder / MARK).is_file():
+        return None
+    try:
+        found = json.loads((folder / MARK).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def held_by(folder: Path) -> str | None:
+    """Return the command whose result is in a folder, or None."""
+    said = (mark_of(folder) or {}).get("command")
+    if said in FILES:
+        return str(said)
+    for name, (command, key) in TOLD_BY.items():
+        with suppress(OSError):
+            if (folder / name).is_file() and key in (folder / name).read_bytes():
+                return command
+    return None

@@ -1,0 +1,122 @@
+"""Linear elasticity: a law is its compliance."""
+
+import abc
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from needlefem._arrays import Floats
+from needlefem.errors import CaseError
+from needlefem.materials import voigt
+from needlefem.materials.base import Response
+from needlefem.materials.relaxation import Branch, decay, gain
+from needlefem.materials.volumetric_split import split_compliance
+from needlefem.validation import Validated
+
+
+class LinearElastic(Validated, abc.ABC):
+    """A linear law at small strain; a subclass gives its compliance and its density.
+
+    One with a memory also gives its branches; the compliance is then that of relaxed tissue.
+    """
+
+    TABLE = "material"
+    density: float
+
+    @abc.abstractmethod
+    def compliance(self) -> Floats:
+        """Return S, shape (6, 6), 1/Pa: Voigt strain (engineering shear) of a Voigt stress."""
+
+    def branches(self) -> tuple[Branch, ...]:
+        """Return the Maxwell branches beside the compliance's spring; none: an elastic law."""
+        return ()
+
+    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> Response:
+        """See `needlefem.materials.base.Material`.
+
+        Raises
+        ------
+        CaseError
+            The law is incompressible: its pressure is no function of the strain.
+        """
+        parts = split_compliance(self.compliance())
+        if parts.compressibility == 0.0:
+            remedy = "ask for its split, or lower Poisson's ratio"
+            raise CaseError("material", "incompressible: strain does not give its stress", remedy)
+        strain = voigt.strain(gradient)
+        before = Memory.virgin(strain, len(self.branches())) if state is None else state
+        after = before.advanced(strain, step, self.branches())
+        stiffness, stress = parts.stiffness, strain @ parts.stiffness
+        energy = 0.5 * np.sum(stress * strain, axis=-1)
+        for branch, part in zip(self.branches(), after.parts, strict=True):
+            stiffness = stiffness + gain(step, branch.time) * branch.stiffness
+            pull = part @ branch.stiffness
+            stress, energy = stress + pull, energy + 0.5 * np.sum(pull * part, axis=-1)
+        return Response(
+            stress=voigt.tensor(stress),
+            tangent=np.broadcast_to(
+                voigt.tangent_tensor(stiffness), (*gradient.shape[:-2], 3, 3, 3, 3)
+            ),
+            energy=energy,
+            state=after if self.branches() else None,
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Memory:
+    """What a viscoelastic law remembers: strain, and strain of every branch's spring (..., 6)."""
+
+    strain: Floats
+    parts: tuple[Floats, ...]
+
+    @classmethod
+    def virgin(cls, like: Floats, branches: int) -> "Memory":
+        """Return the memory of tissue that was never deformed."""
+        return cls(np.zeros_like(like), (np.zeros_like(like),) * branches)
+
+    def advanced(self, strain: Floats, step: float, branches: Sequence[Branch]) -> "Memory":
+        """Return the memory after a step that ends at a strain."""
+        change = strain - self.strain
+        parts = [
+            decay(step, branch.time) * part + gain(step, branch.time) * change
+            for branch, part in zip(branches, self.parts, strict=True)
+        ]
+        return Memory(strain, tuple(parts))
+
+
+def local_axes(first: Floats, second: Floats | None = None) -> Floats:
+    """Return orthonormal material axes as rows, shape (3, 3), from one or two directions.
+
+    Directions of a plane problem have two components. Without a second direction (a law that is
+    the same all around the first) any is taken.
+    """
+    one = _unit(first)
+    guess = np.eye(3)[int(np.argmin(np.abs(one)))] if second is None else _padded(second)
+    rest = guess - (guess @ one) * one
+    if np.linalg.norm(rest) < 1e-6 * max(float(np.linalg.norm(guess)), 1e-300):
+        raise CaseError("material", "its two directions are parallel", "give different ones")
+    two = rest / np.linalg.norm(rest)
+    return np.array([one, two, np.cross(one, two)])
+
+
+def _padded(direction: Floats) -> Floats:
+    vector = np.zeros(3)
+    vector[: len(direction)] = direction
+    return vector
+
+
+def _unit(direction: Floats) -> Floats:
+    vector = _padded(np.asarray(direction, dtype=float))
+    length = float(np.linalg.norm(vector))
+    if not length > 0.0:
+        raise CaseError("material", "a direction is zero", "give a direction such as [1, 0]")
+    return vector / length
+
+
+def turned(compliance: Floats, axes: Floats) -> Floats:
+    """Return a compliance given in local axes (rows) in the axes of the space."""
+    turn = voigt.rotation(axes)
+    found: Floats = turn.T @ compliance @ turn
+    return found

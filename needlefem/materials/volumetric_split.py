@@ -1,0 +1,148 @@
+"""Stiffness split into what resists a change of shape and what resists one of volume.
+
+``stress = shape strain + p m``, ``p = kappa m.strain`` with ``m`` the dilatation's vector. Taken
+from the compliance, the split keeps all digits where ``kappa`` grows beyond bounds, and exists
+for incompressible tissue as well. Elements that lock treat the two parts differently.
+"""
+
+import dataclasses
+from functools import lru_cache
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from needlefem._arrays import Floats
+from needlefem.errors import CaseError
+from needlefem.materials import voigt
+from needlefem.materials.base import Material
+
+ROUND_OFF = 1e-12
+"""Compressibility, relative to the compliance, that is round-off of zero."""
+
+
+@runtime_checkable
+class HasCompliance(Protocol):
+    """A linear law, which keeps all digits near incompressibility."""
+
+    def compliance(self) -> Floats:
+        """Return S, shape (6, 6), 1/Pa."""
+        ...
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Split:
+    """A linear(ised) law in Voigt's notation of 3D (6 components) or the plane (3).
+
+    Parameters
+    ----------
+    shape : array, shape (n, n), Pa
+        Stiffness without the volumetric part.
+    compressibility : float, 1/Pa
+        Reciprocal of `kappa`; zero for incompressible tissue.
+    shear : float, Pa
+        The softest shear modulus.
+    bulk_compressibility : float, 1/Pa
+        Loss of volume under a pressure of 1 Pa.
+    """
+
+    shape: Floats
+    compressibility: float
+    shear: float
+    bulk_compressibility: float
+
+    @property
+    def kappa(self) -> float:
+        """Stiffness against a change of volume, Pa; infinite for incompressible tissue."""
+        return 1.0 / self.compressibility if self.compressibility > 0.0 else np.inf
+
+    @property
+    def stiffness(self) -> Floats:
+        """The whole stiffness, shape (n, n), Pa (compressible tissue only)."""
+        m = voigt.volumetric(3 if len(self.shape) == 6 else 2)
+        return self.shape + self.kappa * np.outer(m, m)
+
+    @property
+    def poissons_ratio(self) -> float:
+        """Poisson's ratio of an isotropic law of the same kappa and shear modulus."""
+        share = self.bulk_compressibility * self.shear
+        return (3.0 - 2.0 * share) / (2.0 * (3.0 + share))
+
+
+def split(material: Material) -> Split:
+    """Return the split of a law at small strain in 3D.
+
+    Raises
+    ------
+    CaseError
+        The law is not stable: some strain has no or negative energy.
+    """
+    return split_compliance(_compliance(material))
+
+
+def plane_split(material: Material, plane: str) -> Split:
+    """Return the split of a law in the plane of the first two axes: 'strain' or 'stress'."""
+    rows = np.array(voigt.IN_PLANE)
+    if plane == "strain":
+        solid = split(material)
+        return dataclasses.replace(solid, shape=solid.shape[np.ix_(rows, rows)])
+    return split_compliance(_compliance(material)[np.ix_(rows, rows)])
+
+
+def _compliance(material: Material) -> Floats:
+    """Return what a linear law says of itself, or the inverse of any law's tangent at rest."""
+    if isinstance(material, HasCompliance):
+        return material.compliance()
+    tangent = voigt.tangent_matrix(material.respond(np.zeros((3, 3))).tangent)
+    return np.asarray(np.linalg.inv(tangent), dtype=float)
+
+
+def split_compliance(compliance: Floats) -> Split:
+    """Return the split of a symmetric compliance, shape (6, 6) or (3, 3), 1/Pa; see `_split`."""
+    return _split(np.ascontiguousarray(compliance, dtype=float).tobytes(), len(compliance))
+
+
+@lru_cache(maxsize=64)  # checks ask for the same few laws again and again
+def _split(numbers: bytes, size: int) -> Split:
+    """Return the split of a compliance, the numbers of a matrix with `size` rows.
+
+    With ``s = S m`` and ``c = m.S m`` the compressibility, ``D = inv(S)`` is ``D0 + m m' / c``,
+    where D0 s = 0. D0 is found in the space of stresses without mean, so that nothing cancels.
+    As D0 alone would let some change of volume pass for free, it keeps ``2 G / 3`` (``G`` in the
+    plane) of ``1 / c``: the shape part of an isotropic law is then ``2 G strain``, kappa Lame's
+    lambda.
+    """
+    compliance = np.frombuffer(numbers).reshape(size, size)
+    normals = 3 if len(compliance) == 6 else 2
+    m = voigt.volumetric(normals)
+    along = compliance @ m
+    total = float(m @ along)
+    limit = ROUND_OFF * float(np.abs(compliance).max())
+    incompressible = abs(total) <= limit
+    share = m / normals if incompressible else along / total
+    basis = np.linalg.svd(m[None])[2][1:].T  # columns: an orthonormal basis of what is not m
+    mean_free = basis.T @ compliance @ basis
+    if not incompressible:
+        across = basis.T @ along
+        mean_free = mean_free - np.outer(across, across) / total
+    weight = np.where(np.arange(len(m)) < normals, 1.0, np.sqrt(0.5))
+    eigenvalues = np.linalg.eigvalsh(_mandel(mean_free, basis, weight))
+    if total < -limit or eigenvalues[0] <= limit:
+        raise CaseError(
+            "material",
+            "some strain would release energy",
+            "moduli must be positive, and nu_ij^2 < E_i / E_j",
+        )
+    project = np.eye(len(m)) - np.outer(m, share)
+    shape = project @ basis @ np.linalg.solve(mean_free, basis.T) @ project.T
+    shear, bulk = float(0.5 / eigenvalues[-1]), 0.0 if incompressible else total
+    kept = 2.0 * shear / normals if incompressible else min(2.0 * shear / normals, 0.5 / total)
+    shape = 0.5 * (shape + shape.T) + kept * np.outer(m, m)
+    shape.flags.writeable = False  # all who ask for this law share it
+    return Split(shape, bulk / (1.0 - bulk * kept), shear, bulk)
+
+
+def _mandel(matrix: Floats, basis: Floats, weight: Floats) -> Floats:
+    """Return a matrix on `basis` in a notation where all shears weigh the same."""
+    turned = basis.T @ (weight[:, None] * basis)
+    found: Floats = turned @ matrix @ turned
+    return 0.5 * (found + found.T)

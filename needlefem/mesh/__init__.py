@@ -1,0 +1,1 @@
+"""Meshes: made, read, refined, fitted to contours, located in."""

@@ -1,0 +1,180 @@
+"""From a cell to its reference cell and back, and what its corners say of it."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from needlefem._arrays import Floats, Ints, Points, SkfemMesh
+from needlefem.errors import CaseError
+from needlefem.fem.shapes import shape_table
+
+Inverse = Callable[[Points], Points]
+"""Takes one point a cell, shape (n, dim), m; returns them in the reference cell."""
+
+
+class CellMap(Protocol):
+    """The map between cells of a mesh and the reference cell."""
+
+    def inverse(self, cells: Ints) -> Inverse:
+        """Return the maps of cells to the reference cell, one for every point."""
+        ...
+
+    def invert(self, cells: Ints, points: Points) -> Points:
+        """Return reference points, shape (n, dim), of points in given cells."""
+        ...
+
+    def depth(self, local: Points) -> Floats:
+        """Return how far inside the reference cell points are, shape (n,); negative outside."""
+        ...
+
+
+def cell_corners(mesh: SkfemMesh) -> Floats:
+    """Return the corners of every cell, shape (ncells, corners, dim), m."""
+    return np.ascontiguousarray(np.moveaxis(mesh.p[:, mesh.t], 0, 2).swapaxes(0, 1))
+
+
+def is_simplicial(mesh: SkfemMesh) -> bool:
+    """Say whether the cells are triangles (tetrahedra)."""
+    return bool(mesh.t.shape[0] == mesh.dim() + 1)
+
+
+def cell_map(mesh: SkfemMesh) -> CellMap:
+    """Return the map of a mesh with straight edges; raise a `CaseError` for curved ones."""
+    if mesh.p.shape[1] != len(np.unique(mesh.t)):
+        remedy = "use straight edges where points are looked for"
+        raise CaseError("mesh", "points can't be found in cells with curved edges", remedy)
+    return AffineMap(mesh) if is_simplicial(mesh) else BilinearMap(mesh)
+
+
+class AffineMap:
+    """The map of triangles and tetrahedra; see `CellMap`."""
+
+    def __init__(self, mesh: SkfemMesh) -> None:
+        corners = cell_corners(mesh)
+        self._base = np.ascontiguousarray(corners[:, 0])
+        self._forward = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2).copy()
+        self._inverse = np.linalg.inv(self._forward)
+
+    def inverse(self, cells: Ints) -> Inverse:
+        """See `CellMap`."""
+        inverse, base = self._inverse[cells], self._base[cells]
+
+        def invert(points: Points) -> Points:
+            local: Points = np.einsum("nij,nj->ni", inverse, points - base)
+            return local
+
+        return invert
+
+    def invert(self, cells: Ints, points: Points) -> Points:
+        """See `CellMap`."""
+        return self.inverse(cells)(points)
+
+    def depth(self, local: Points) -> Floats:
+        """See `CellMap`."""
+        least = total = local[:, 0]
+        for axis in range(
+            1, local.shape[1]
+        ):  # columns one by one: reductions of short rows are slow
+            least = np.minimum(least, local[:, axis])
+            total = total + local[:, axis]
+        found: Floats = np.minimum(least, 1.0 - total)
+        return found
+
+
+class BilinearMap:
+    """The map of quadrilaterals with straight edges; see `CellMap`.
+
+    ``x = a + b xi + c eta + d xi eta``: crossing out xi leaves a quadratic equation for eta,
+    ``square eta^2 + one eta + zero = 0``. Its derivative at a solution, ``2 square eta + one``, is
+    the Jacobian of the map there, which has one sign in all of a convex cell: that sign, known
+    from a corner, tells the solution in the cell from the other one. (The sign of ``one``, the
+    derivative at eta = 0, need not be it: the line through the point along which xi is constant
+    may leave the region in which the map is one-to-one before it comes to eta = 0.)
+    """
+
+    def __init__(self, mesh: SkfemMesh) -> None:
+        first, second, third, fourth = np.moveaxis(cell_corners(mesh), 1, 0)
+        self._a, self._b, self._c = first, second - first, fourth - first
+        self._d = third - second - fourth + first
+
+    def inverse(self, cells: Ints) -> Inverse:
+        """See `CellMap`; far outside its cell a point may have none: NaN."""
+        a, b, c, d = self._a[cells], self._b[cells], self._c[cells], self._d[cells]
+        return lambda points: _bilinear_inverse(b, c, d, points - a)
+
+    def invert(self, cells: Ints, points: Points) -> Points:
+        """See `CellMap` and `inverse`."""
+        return self.inverse(cells)(points)
+
+    def depth(self, local: Points) -> Floats:
+        """See `CellMap`."""
+        least: Floats = np.minimum(local, 1.0 - local).min(axis=1, initial=np.inf)
+        return np.where(np.isnan(least), -np.inf, least)
+
+
+def _bilinear_inverse(b: Points, c: Points, d: Points, apart: Points) -> Points:
+    jacobian = _cross(b, c)
+    square, one, zero = -_cross(c, d), _cross(apart, d) + jacobian, _cross(apart, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = np.copysign(np.sqrt(one**2 - 4.0 * square * zero), jacobian)
+        # either form of the solution with the derivative `root`: the one that does not cancel
+        alike = one * jacobian >= 0.0
+        eta = np.where(alike, -2.0 * zero / (one + root), 0.5 * (root - one) / square)
+        along = b + eta[:, None] * d
+        xi = _dot(apart - eta[:, None] * c, along) / _dot(along, along)
+        # one step of Newton's method takes the round-off of a small square term away
+        miss = apart - xi[:, None] * along - eta[:, None] * c
+        across = c + xi[:, None] * d
+        jacobian = _cross(along, across)
+        xi = xi + _cross(miss, across) / jacobian
+        eta = eta + _cross(along, miss) / jacobian
+    return np.stack([xi, eta], axis=1)
+
+
+def _cross(u: Points, v: Points) -> Floats:
+    found: Floats = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    return found
+
+
+def _dot(u: Points, v: Points) -> Floats:
+    found: Floats = u[:, 0] * v[:, 0] + u[:, 1] * v[:, 1]
+    return found
+
+
+def corner_jacobians(mesh: SkfemMesh) -> Floats:
+    """Return the Jacobian's determinant at every corner, shape (ncells, corners).
+
+    A cell is valid when they have one sign; a concave one has a corner of the other.
+    """
+    corners = cell_corners(mesh)
+    slopes = shape_table(mesh.elem).gradients(mesh.elem().doflocs)
+    maps: Floats = np.einsum("ckj,nkd->ncdj", slopes, corners)
+    if mesh.dim() == 2:  # many small determinants: LAPACK costs ten times as much
+        found: Floats = maps[..., 0, 0] * maps[..., 1, 1] - maps[..., 0, 1] * maps[..., 1, 0]
+    else:
+        found = np.linalg.det(maps)
+    return found
+
+
+def cell_measures(mesh: SkfemMesh) -> Floats:
+    """Return the area (volume) of every cell, shape (ncells,), positive for valid cells."""
+    jacobians = np.abs(corner_jacobians(mesh))
+    measure = (1.0 / mesh.dim()) / (mesh.dim() - 1) if is_simplicial(mesh) else 1.0
+    found: Floats = measure * jacobians.mean(axis=1)
+    return found
+
+
+def refuse_bad_cells(mesh: SkfemMesh, key: str) -> None:
+    """Raise a `CaseError` for flat, concave or crossed cells, with their numbers.
+
+    scikit-fem takes the absolute value of the Jacobian: such cells pass it silently.
+    """
+    jacobians = corner_jacobians(mesh)
+    scale = np.max(np.ptp(cell_corners(mesh), axis=1), axis=1) ** mesh.dim()
+    sign = np.sign(jacobians.sum(axis=1))
+    bad = np.min(jacobians * sign[:, None], axis=1) <= 1e-12 * scale
+    if np.any(bad):
+        numbers = ", ".join(map(str, np.flatnonzero(bad)[:5]))
+        problem = f"{np.count_nonzero(bad)} cells are flat, concave or crossed (cell {numbers})"
+        raise CaseError(key, problem, "correct the mesh there")

@@ -1,0 +1,298 @@
+"""Mesh files of other programs, read by meshio in a process of its own.
+
+A damaged file can make a reader raise anything, print, ask for all memory or never end. None of
+it reaches the caller: what the reader prints is caught, its memory and its time are bounded, and
+whatever happens to it becomes one `UnreadableMeshError`.
+"""
+
+import contextlib
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from needlefem._arrays import Floats, Ints
+from needlefem.mesh.file_contents import CellBlock, Contents, UnreadableMeshError, printable
+
+SECONDS = 30.0
+SECONDS_PER_BYTE = 2e-5
+"""Time that a reader is given: text is read at more than ten times this speed."""
+MEMORY = 2**31
+MEMORY_PER_BYTE = 100
+"""Memory that a reader is given, bytes."""
+REFERENCES = {
+    "medit:ref": "references",
+    "nastran:ref": "property numbers",
+    "avsucd:material": "material numbers",
+    "su2:tag": "markers",
+    "ugrid:ref": "references",
+    "netgen:index": "region numbers",
+}
+"""Numbers of cells that a format's documentation calls those of its parts; 0 is none."""
+PACKAGES = {"netCDF4": "netCDF4", "h5py": "h5py", "lxml": "lxml"}
+"""Modules that some of meshio's readers need, and the packages that hold them."""
+OWN_GROUPS = ("skfem:s:", "skfem:b:")
+"""Beginnings of the cell data in which scikit-fem saves subdomains and boundaries."""
+REMEDY = "give a mesh that is whole, such as Gmsh's .msh of version 4.1"
+
+
+class _Shape(NamedTuple):
+    """A cell of meshio's."""
+
+    dim: int
+    corners: int
+    order: int
+
+
+SHAPES = {
+    "vertex": _Shape(0, 1, 1),
+    "line": _Shape(1, 2, 1), "line3": _Shape(1, 2, 2), "line4": _Shape(1, 2, 3),
+    "triangle": _Shape(2, 3, 1), "triangle6": _Shape(2, 3, 2), "triangle7": _Shape(2, 3, 2),
+    "triangle10": _Shape(2, 3, 3), "quad": _Shape(2, 4, 1), "quad8": _Shape(2, 4, 2),
+    "quad9": _Shape(2, 4, 2), "quad16": _Shape(2, 4, 3),
+}  # fmt: skip
+VOLUMES = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron", "VTK_LAGRANGE_T")
+
+
+def read_foreign(path: Path) -> Contents:
+    """Read a mesh file of any format of meshio's.
+
+    Raises
+    ------
+    UnreadableMeshError
+        Whatever happens to the reader.
+    """
+    size = path.stat().st_size
+    limit = SECONDS + SECONDS_PER_BYTE * size
+    code = (
+        "import json, sys; sys.path[:] = json.loads(sys.argv[1]);"
+        "from needlefem.fem import foreignmesh; foreignmesh.serve(sys.argv[2], int(sys.argv[3]))"
+    )
+    memory = str(MEMORY + MEMORY_PER_BYTE * size)
+    command = [sys.executable, "-P", "-c", code, json.dumps(sys.path), str(path), memory]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    try:
+        ended = subprocess.run(
+            command, capture_output=True, env=environment, timeout=limit, check=False
+        )
+    except subprocess.TimeoutExpired:
+        problem = f"its reader has not ended after {limit:.0f} s"
+        raise UnreadableMeshError(problem, REMEDY) from None
+    try:
+        with np.load(io.BytesIO(ended.stdout), allow_pickle=False) as loaded:
+            arrays = dict(loaded)
+    except (ValueError, OSError, EOFError):  # nothing or not all was written: the reader died
+        problem = f"its reader ended with status {ended.returncode}"
+        raise UnreadableMeshError(problem, REMEDY) from None
+    told = json.loads(str(arrays["told"]))
+    if "problem" in told:
+        raise UnreadableMeshError(told["problem"], told["remedy"])
+    return _contents(told, arrays)
+
+
+def serve(path: str, memory: int) -> None:
+    """Read a file with meshio and write what it holds, or why it can't be read, as an npz file."""
+    out = os.fdopen(os.dup(1), "wb")
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 1)  # libraries in C print there as well
+    try:
+        import resource  # noqa: PLC0415  (not on Windows)
+
+        resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    except (ImportError, OSError, ValueError):
+        pass
+    printed = io.StringIO()
+    arrays: dict[str, Any] = {}
+    told: dict[str, Any] = {}
+    try:
+        with contextlib.redirect_stdout(printed):
+            _read(path, told, arrays)
+    except ImportError as error:
+        package = PACKAGES.get(str(error.name).partition(".")[0], str(error.name))
+        arrays = {}
+        told = {
+            "problem": f"files of this kind need the package '{package}'",
+            "remedy": f"pip install {package}, or give Gmsh's .msh",
+        }
+    except MemoryError:
+        arrays, told = {}, {"problem": "its counts ask for more memory than it can fill"}
+    except SystemExit:  # meshio leaves the process when no reader takes the file
+        said = [line for line in printed.getvalue().splitlines() if line.strip()]
+        arrays, told = {}, {"problem": _short(said[-1]) if said else "no reader takes it"}
+    except Exception as error:  # whatever it is, it is told to the caller
+        text = _short(f"its reader raised {type(error).__name__}: {error}".rstrip(": "))
+        arrays, told = {}, {"problem": text}
+    if "problem" in told:
+        told.setdefault("remedy", REMEDY)
+    np.savez(out, told=np.array(json.dumps(told)), **arrays)
+    out.close()
+
+
+def _short(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= 160 else text[:157] + "..."
+
+
+def _read(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Fill `told` and `arrays` with what meshio finds; see `_contents` for what is there."""
+    import meshio  # noqa: PLC0415
+
+    known = meshio.extension_to_filetypes
+    name = Path(path).name.lower()
+    if not any(name.endswith(ending) for ending in known):
+        problem = f"'{Path(path).suffix}' is no ending of a mesh file"
+        told.update(problem=problem, remedy="give Gmsh's .msh, .vtu, .inp or another of meshio's")
+        return
+    found = meshio.read(path)
+    arrays["points"] = np.asarray(found.points, dtype=float)
+    told["types"] = [block.type for block in found.cells]
+    references = [name for name in REFERENCES if name in found.cell_data]
+    told["reference"] = references[0] if references else ""
+    for number, block in enumerate(found.cells):
+        if block.type in SHAPES:
+            arrays[f"cells{number}"] = np.asarray(block.data, dtype=np.int64)
+        for name in references[:1]:
+            arrays[f"reference{number}"] = np.asarray(found.cell_data[name][number])
+        if "cell_tags" in found.cell_data:
+            arrays[f"family{number}"] = np.asarray(found.cell_data["cell_tags"][number])
+    _read_scikit_fem(found, told, arrays)
+    _read_sets(found, told, arrays)
+
+
+def _read_scikit_fem(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+    own = [name for name in found.cell_data if name.startswith(OWN_GROUPS)]
+    told["own"] = [printable(name) for name in own]
+    for number, kind in enumerate(told["types"]):
+        if kind in ("triangle", "quad"):
+            for index, name in enumerate(own):
+                arrays[f"own{index},{number}"] = np.asarray(found.cell_data[name][number])
+
+
+def _read_sets(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+    families = getattr(found, "cell_tags", None) or {}
+    told["families"] = {str(k): [printable(name) for name in v] for k, v in families.items()}
+    told["names"] = [
+        [printable(str(name)), int(row[0]), int(row[1])]
+        for name, row in found.field_data.items()
+        if np.shape(row) == (2,)
+    ]
+    told["cell_sets"] = [printable(name) for name in found.cell_sets]
+    told["point_sets"] = [printable(name) for name in found.point_sets]
+    for index, sets in enumerate(found.cell_sets.values()):
+        for number, members in enumerate(sets):
+            if members is not None:
+                arrays[f"set{index},{number}"] = np.asarray(members, dtype=np.int64)
+    for index, members in enumerate(found.point_sets.values()):
+        arrays[f"nodes{index}"] = np.asarray(members, dtype=np.int64).ravel()
+
+
+def _contents(told: dict[str, Any], arrays: dict[str, Any]) -> Contents:
+    """Return the contents of a file from what `_read` filled in."""
+    points = _in_space(arrays["points"])
+    names = {(tag, dim): name for name, tag, dim in told["names"]}
+    blocks: list[CellBlock] = []
+    for number, kind in enumerate(told["types"]):
+        if kind not in SHAPES:
+            dim = 3 if kind.startswith(VOLUMES) else 2
+            blocks.append(CellBlock(dim, 0, 1, np.zeros((1, 0), dtype=np.int64)))
+            continue
+        shape, cells = SHAPES[kind], arrays[f"cells{number}"]
+        if cells.size and (cells.min() < 0 or cells.max() >= len(points)):
+            lost = int(cells.max()) + 1
+            problem = f"a cell has node {lost} of {len(points)}"
+            raise UnreadableMeshError(problem, REMEDY)
+        if cells.ndim != 2 or cells.shape[1] < shape.corners:
+            raise UnreadableMeshError(f"cells of kind '{kind}' have too few nodes", REMEDY)
+        called = _names_of(number, shape.dim, len(cells), told, arrays, names=names)
+        blocks += _blocks(shape, cells, called)
+    point_sets = {}
+    for index, name in enumerate(told["point_sets"]):
+        members = arrays[f"nodes{index}"]
+        if members.size and (members.min() < 0 or members.max() >= len(points)):
+            raise UnreadableMeshError(f"node set '{name}' has nodes that are not there", REMEDY)
+        point_sets[name] = members
+    notes = []
+    facets = _facets_of_scikit_fem(told, arrays)
+    if told["reference"] and any(block.groups for block in blocks):
+        notes.append(f"Groups are the {REFERENCES[told['reference']]} of the file.")
+    return Contents(
+        points, np.arange(1, len(points) + 1), tuple(blocks), tuple(notes), point_sets, facets
+    )
+
+
+def _in_space(points: Floats) -> Floats:
+    if points.ndim != 2 or points.shape[1] not in (2, 3):
+        raise UnreadableMeshError("its nodes have neither two nor three coordinates", REMEDY)
+    return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
+
+
+def _names_of(
+    number: int,
+    dim: int,
+    count: int,
+    told: dict[str, Any],
+    arrays: dict[str, Any],
+    *,
+    names: dict[tuple[int, int], str],
+) -> dict[str, Ints]:
+    """Return the cells of every group in a block."""
+    found: dict[str, list[Ints]] = {}
+    tags = arrays.get(f"reference{number}", np.zeros(0))
+    tags = tags if tags.shape == (count,) else np.zeros(count)
+    for tag in np.unique(tags[np.isfinite(tags) & (tags != 0)]):
+        name = names.get((int(tag), dim), f"{tag:g}")
+        found.setdefault(name, []).append(np.flatnonzero(tags == tag))
+    families = arrays.get(f"family{number}", np.zeros(count))
+    called_so = [(int(k), name) for k, names in told["families"].items() for name in names]
+    for family, name in called_so:
+        found.setdefault(name, []).append(np.flatnonzero(families == family))
+    for index, name in enumerate(told["own"]):
+        inside = arrays.get(f"own{index},{number}", np.zeros(0))
+        if name.startswith("skfem:s:") and inside.shape == (count,):
+            called = name.removeprefix("skfem:s:")
+            found.setdefault(called, []).append(np.flatnonzero(inside))
+    for index, name in enumerate(told["cell_sets"]):
+        members = arrays.get(f"set{index},{number}", np.zeros(0, dtype=np.int64))
+        if members.size and (members.min() < 0 or members.max() >= count):
+            raise UnreadableMeshError(f"set '{name}' has cells that are not there", REMEDY)
+        found.setdefault(name, []).append(members)
+    return {name: np.unique(np.concatenate(parts)) for name, parts in found.items()}
+
+
+def _facets_of_scikit_fem(told: dict[str, Any], arrays: dict[str, Any]) -> dict[str, Ints]:
+    """Return groups of edges as scikit-fem saves them: a bit of a cell for each edge."""
+    found: dict[str, list[Ints]] = {}
+    for index, name in enumerate(told["own"]):
+        kind, _, called = name.removeprefix("skfem:").partition(":")
+        for number, shape in enumerate(told["types"]):
+            bits = arrays.get(f"own{index},{number}")
+            cells = arrays.get(f"cells{number}")
+            if kind != "b" or bits is None or cells is None or bits.shape != (len(cells),):
+                continue
+            corners = SHAPES[shape].corners
+            edges = [(k, k + 1) for k in range(corners - 1)] + [(0, corners - 1)]
+            for bit, (one, other) in enumerate(edges):
+                held = bits.astype(np.int64) >> bit & 1 > 0
+                found.setdefault(called, []).append(cells[held][:, [one, other]])
+    return {name: np.vstack(parts) for name, parts in found.items()}
+
+
+def _blocks(shape: _Shape, cells: Ints, called: dict[str, Ints]) -> list[CellBlock]:
+    """Return the cells in blocks of which all cells are in the same groups."""
+    member = np.zeros((len(cells), len(called)), dtype=bool)
+    for column, rows in enumerate(called.values()):
+        member[rows, column] = True
+    if not called:
+        return [CellBlock(shape.dim, shape.corners, shape.order, cells)]
+    kinds, owner = np.unique(member, axis=0, return_inverse=True)
+    found = []
+    for part, kind in enumerate(kinds):
+        rows = np.flatnonzero(owner.ravel() == part)
+        groups = frozenset(name for name, inside in zip(called, kind, strict=True) if inside)
+        found.append(CellBlock(shape.dim, shape.corners, shape.order, cells[rows], groups))
+    return found

@@ -1,0 +1,248 @@
+"""Meshes of the tissue: boxes, refined where asked, with named faces and regions."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from skfem import MeshQuad, MeshQuad2, MeshTri, MeshTri2
+
+from needlefem._arrays import Floats, Ints, Points, SkfemMesh
+from needlefem.errors import CaseError
+from needlefem.geometry.contour import Contour
+from needlefem.mesh.cell_map import cell_measures, is_simplicial
+
+BACKGROUND = "background"
+"""Name of the subdomain outside all regions."""
+
+COARSEST = 4.5
+"""Largest cell over the size wanted near a contour whose corners and centroid see the contour."""
+FARTHEST_CORNER = 0.75
+"""Largest distance of a corner from the centroid of a right isosceles triangle, over its leg."""
+
+SizeField = Callable[[Points], Floats]
+"""Wanted element size (m) at points, shape (n, dim); infinity where any size will do."""
+
+
+def box(
+    origin: Sequence[float],
+    size: Sequence[float],
+    divisions: Sequence[int],
+    pattern: str = "diagonal",
+) -> SkfemMesh:
+    """Return a box of squares: cut into two (diagonal) or four (crossed) triangles, or whole."""
+    ticks = [
+        start + length * np.arange(n + 1) / n
+        for start, length, n in zip(origin, size, divisions, strict=True)
+    ]
+    if pattern == "quadrilateral":
+        return MeshQuad.init_tensor(*ticks)
+    return _crossed(ticks) if pattern == "crossed" else MeshTri.init_tensor(*ticks)
+
+
+def _crossed(ticks: list[Floats]) -> SkfemMesh:
+    nx, ny = (len(t) for t in ticks)
+    corners = np.array(np.meshgrid(*ticks, indexing="ij")).reshape(2, -1)
+    middles = [0.5 * (t[1:] + t[:-1]) for t in ticks]
+    centres = np.array(np.meshgrid(*middles, indexing="ij")).reshape(2, -1)
+    grid = np.arange(nx * ny).reshape(nx, ny)
+    ring = [grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]]
+    ring = [part.ravel() for part in ring]
+    middle = nx * ny + np.arange((nx - 1) * (ny - 1))
+    cells = [np.array([ring[i], ring[(i + 1) % 4], middle]) for i in range(4)]
+    return MeshTri(np.hstack([corners, centres]), np.hstack(cells).astype(np.int32))
+
+
+def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
+    """Return triangles cut into three quadrilaterals each, from the edges' middles to the centre.
+
+    So any refined or fitted mesh of triangles gives one of quadrilaterals. Regions and faces must
+    be named afterwards.
+    """
+    centroids = mesh.p[:, mesh.t].mean(axis=1)
+    middles = mesh.p[:, mesh.facets].mean(axis=1)
+    points = np.hstack([mesh.p, middles, centroids])
+    middle = mesh.nvertices + mesh.t2f  # edges 01, 12, 02
+    centre = mesh.nvertices + mesh.nfacets + np.arange(mesh.nelements)
+    corners = [(0, 0, 2), (1, 1, 0), (2, 2, 1)]  # corner, the edge after it, the edge before it
+    cells = [np.array([mesh.t[c], middle[a], centre, middle[b]]) for c, a, b in corners]
+    return MeshQuad(points, np.hstack(cells))
+
+
+def curved(mesh: SkfemMesh) -> SkfemMesh:
+    """Return the mesh with a node in the middle of every edge (and quadrilateral) as well.
+
+    Moved onto a curve they bend the edges. Such meshes serve statics; a needle does not find its
+    cells there.
+    """
+    return (MeshTri2 if is_simplicial(mesh) else MeshQuad2).from_mesh(mesh)
+
+
+def cell_sizes(mesh: SkfemMesh) -> Floats:
+    """Return the size of every cell, m.
+
+    The side of a square of its area; for a triangle the leg of the right isosceles one.
+    """
+    sizes: Floats = np.sqrt(cell_measures(mesh) * (2.0 if is_simplicial(mesh) else 1.0))
+    return sizes
+
+
+def signed_measures(mesh: SkfemMesh) -> Floats:
+    """Return the signed area of every triangle (positive: counter-clockwise), m^2."""
+    a, b, c = (mesh.p[:, mesh.t[i]] for i in range(3))
+    u, v = b - a, c - a
+    areas: Floats = 0.5 * (u[0] * v[1] - u[1] * v[0])
+    return areas
+
+
+def refine(mesh: SkfemMesh, size: SizeField, limit: int = 20) -> SkfemMesh:
+    """Refine adaptively until every cell is at most as large as wanted at its points.
+
+    A cell is judged at its corners and centroid. Regions and faces must be named afterwards.
+    """
+    for _ in range(limit):
+        centroids = mesh.p[:, mesh.t].mean(axis=1)
+        wanted = np.minimum(size(mesh.p.T)[mesh.t].min(axis=0), size(centroids.T))
+        marked = np.flatnonzero(cell_sizes(mesh) > 1.001 * wanted)
+        if not marked.size:
+            return mesh
+        mesh = mesh.refined(marked)
+    raise CaseError(
+        "mesh.refine", f"still too coarse after {limit} refinements", "ask for larger elements"
+    )
+
+
+def find_contour(mesh: SkfemMesh, contour: Contour, size: float, limit: int = 40) -> SkfemMesh:
+    """Refine the cells that a contour may pass, until `refine` can't miss it.
+
+    `refine` looks at corners and centroids of cells: a contour that lies between them, small
+    beside a cell, would be passed over. Cells of up to `COARSEST` times the size need no help.
+    """
+    for _ in range(limit):
+        sizes = cell_sizes(mesh)
+        large = np.flatnonzero(sizes > COARSEST * size)
+        away = contour.distance(mesh.p[:, mesh.t[:, large]].mean(axis=1).T)
+        marked = large[away < FARTHEST_CORNER * sizes[large]]
+        if not marked.size:
+            return mesh
+        mesh = mesh.refined(marked)
+    return mesh
+
+
+def near_segment(begin: Points, end: Points, halfwidth: float, size: float) -> SizeField:
+    """Return a size field: `size` within `halfwidth` of a segment, any size elsewhere."""
+    along = end - begin
+    length2 = float(along @ along)
+
+    def field(points: Points) -> Floats:
+        share = np.clip((points - begin) @ along / length2, 0.0, 1.0)
+        away = np.linalg.norm(points - begin - share[:, None] * along, axis=1)
+        return np.where(away <= halfwidth * (1 + 1e-9), size, np.inf)
+
+    return field
+
+
+def near_contour(contour: Contour, size: float) -> SizeField:
+    """Return a size field: `size` within twice that of the contour, any size elsewhere."""
+
+    def field(points: Points) -> Floats:
+        return np.where(contour.distance(points) <= 2.0 * size, size, np.inf)
+
+    return field
+
+
+def name_faces(mesh: SkfemMesh, axes: Sequence[str]) -> SkfemMesh:
+    """Name the flat outer faces of a box after the axes: y_min, y_max, ..."""
+    faces: dict[str, Ints] = {}
+    outer = mesh.boundary_facets()
+    middle = mesh.p[:, mesh.facets[:, outer]].mean(axis=1)
+    for i, axis in enumerate(axes):
+        low, high = mesh.p[i].min(), mesh.p[i].max()
+        near = 1e-9 * (high - low)
+        faces[f"{axis}_min"] = outer[middle[i] < low + near]
+        faces[f"{axis}_max"] = outer[middle[i] > high - near]
+    return mesh.with_boundaries(faces)
+
+
+def group_cells(mesh: SkfemMesh, group: str, key: str) -> Ints:
+    """Return the cells of a named group, or raise a `CaseError` with the names there are."""
+    present = mesh.subdomains or {}
+    if group not in present:
+        if group in (mesh.boundaries or {}):
+            problem = f"'{group}' is a group of edges, not of cells"
+            raise CaseError(key, problem, "use it in supports, and name a group of cells here")
+        if not present:
+            problem = f"no group '{group}': the mesh names no group of cells"
+            raise CaseError(key, problem, "name cells (Gmsh: Physical Surface), or give a contour")
+        names = ", ".join(sorted(present))
+        raise CaseError(key, f"no group '{group}' in the mesh", f"those present are {names}")
+    cells: Ints = np.asarray(present[group])
+    return cells
+
+
+def parts(mesh: SkfemMesh, cells: Ints) -> int:
+    """Return of how many parts that no edge joins a group of cells consists."""
+    number = np.full(mesh.nelements, -1)
+    number[cells] = np.arange(len(cells))
+    one, other = number[mesh.f2t[:, mesh.f2t[1] >= 0]]
+    both = (one >= 0) & (other >= 0)
+    joined = (np.ones(np.count_nonzero(both), dtype=np.int8), (one[both], other[both]))
+    graph = coo_array(joined, shape=(len(cells), len(cells)))
+    return int(connected_components(graph, directed=False, return_labels=False))
+
+
+def outline(mesh: SkfemMesh, cells: Ints) -> Contour:
+    """Return the closed line of edges around a group of cells that encloses the largest area."""
+    edges = np.bincount(mesh.t2f[:, cells].ravel(), minlength=mesh.nfacets) == 1
+    neighbours: dict[int, list[int]] = {}
+    for a, b in mesh.facets[:, edges].T:
+        neighbours.setdefault(int(a), []).append(int(b))
+        neighbours.setdefault(int(b), []).append(int(a))
+    rings: list[Contour] = []
+    while neighbours:
+        start = next(iter(neighbours))
+        ring, at = [start], start
+        while neighbours.get(at):
+            after = neighbours[at].pop()
+            neighbours[after].remove(at)
+            ring.append(after)
+            at = after
+        for node in ring:
+            if not neighbours.get(node, True):
+                del neighbours[node]
+        rings.append(Contour(mesh.p[:, ring].T))
+    return max(rings, key=lambda contour: contour.area)
+
+
+def name_regions(
+    mesh: SkfemMesh,
+    contours: Mapping[str, Contour],
+    groups: Mapping[str, Ints] | None = None,
+) -> SkfemMesh:
+    """Name the cells whose centroid lies in a contour, and groups; of two the later wins.
+
+    The rest is named `BACKGROUND`. Raises a `CaseError` for a region without any cell.
+    """
+    owner = np.zeros(mesh.nelements, dtype=np.intp)
+    centroids = mesh.p[:, mesh.t].mean(axis=1).T
+    chosen = dict(groups or {})
+    chosen |= {name: np.flatnonzero(c.contains(centroids)) for name, c in contours.items()}
+    if BACKGROUND in chosen:
+        problem = "that is the name of all that lies outside the regions"
+        raise CaseError(f"regions.{BACKGROUND}", problem, "give the region another name")
+    for number, members in enumerate(chosen.values(), start=1):
+        owner[members] = number
+    cells = {
+        name: np.flatnonzero(owner == number) for number, name in enumerate([BACKGROUND, *chosen])
+    }
+    for name in chosen:
+        if not cells[name].size:
+            if name in contours and not chosen[name].size:
+                size = 0.25e3 * np.sqrt(contours[name].area)
+                remedy = f"refine the mesh, to {size:.2g} mm there, or check the contour's offset"
+                raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)
+            what = "in the contour" if name in contours else "of the group"
+            problem = f"all cells {what} are in regions that come later"
+            remedy = "put a region before those that lie in it, and give each cells of its own"
+            raise CaseError(f"regions.{name}", problem, remedy)
+    return mesh.with_subdomains(cells)

@@ -1,0 +1,134 @@
+"""The surface of the undeformed tissue, and where a path in the material leaves through it."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
+
+PARALLEL = 1e-12
+"""Sine of the angle between a line and a facet up to which they are parallel."""
+SHORTEST = 1e-9
+"""Part of a segment between two crossings below which it is not looked at."""
+
+
+def line_crossings(corners: Floats, through: Vector, direction: Vector) -> tuple[Ints, Floats]:
+    """Return which facets a line crosses, and where along it.
+
+    Facets that are parallel to the line are not crossed.
+
+    Parameters
+    ----------
+    corners : array, shape (n, dim, dim), m
+        The corners of every facet.
+    through, direction : array, shape (dim,)
+        A point of the line, and its direction.
+
+    Returns
+    -------
+    Numbers of the facets, and the crossings' coordinates along the line, in units of `direction`.
+    """
+    edges = corners[:, 1:] - corners[:, :1]
+    columns = np.broadcast_to(-direction, (len(corners), 1, len(direction)))
+    system = np.swapaxes(np.concatenate([edges, columns], axis=1), 1, 2)
+    scale = np.prod(np.linalg.norm(system, axis=1), axis=1)
+    across = np.flatnonzero(np.abs(np.linalg.det(system)) > PARALLEL * scale)
+    solved = np.linalg.solve(system[across], (through - corners[across, 0])[:, :, None])[:, :, 0]
+    local = solved[:, :-1]
+    hit = (local.min(axis=1, initial=np.inf) >= -1e-9) & (local.sum(axis=1) <= 1.0 + 1e-9)
+    return across[hit], solved[hit, -1]
+
+
+class Surface:
+    """The boundary facets of a mesh.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+        With straight edges.
+    inside : callable
+        Takes points, shape (n, dim), m, and says which are in the tissue.
+    """
+
+    def __init__(self, mesh: SkfemMesh, inside: Callable[[Points], Bools]) -> None:
+        facets = mesh.facets[:, mesh.boundary_facets()]
+        self._inside = inside
+        self._corners: Floats = np.moveaxis(mesh.p[:, facets], 0, 2).swapaxes(0, 1)
+        self._middles: Points = self._corners.mean(axis=1)
+        spread = self._corners - self._middles[:, None]
+        self._reach: Floats = np.linalg.norm(spread, axis=2).max(axis=1)
+        self._normals: Points = np.linalg.svd(spread)[2][:, -1]
+
+    def clearance(self, point: Vector) -> float:
+        """Return a distance from a point within which there is no surface, m.
+
+        Every facet is at least as far as its plane, and as the sphere around it.
+        """
+        apart = self._middles - point
+        spheres = np.sqrt(np.einsum("ij,ij->i", apart, apart)) - self._reach
+        planes = np.abs(np.einsum("ij,ij->i", apart, self._normals))
+        return float(np.maximum(spheres, planes).min())
+
+    def first_exit(self, start: Vector, end: Vector) -> float | None:
+        """Return where a straight segment that starts in the tissue leaves it, or None.
+
+        Parts of the segment are tested in their middles, so that touching the surface, or running
+        along it, is not leaving.
+
+        Parameters
+        ----------
+        start, end : array, shape (dim,), m
+
+        Returns
+        -------
+        Part of the segment up to the exit, or None: all of it is in the tissue.
+        """
+        ahead = end - start
+        apart = self._middles - 0.5 * (start + end)
+        reach = self._reach + 0.5 * (1.0 + 1e-6) * float(np.sqrt(ahead @ ahead))
+        near = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) <= reach**2)
+        stops = np.array([0.0, 1.0])
+        if near.size:
+            _, shares = line_crossings(self._corners[near], start, ahead)
+            inner = shares[(shares > 0.0) & (shares < 1.0)]
+            stops = np.concatenate([[0.0], np.sort(inner), [1.0]])
+        long = np.diff(stops) > SHORTEST
+        begins, middles = stops[:-1][long], 0.5 * (stops[1:] + stops[:-1])[long]
+        begins, looked_at = np.append(begins, 1.0), np.append(middles, 1.0)
+        outside = np.flatnonzero(~self._inside(start + looked_at[:, None] * ahead))
+        return float(begins[outside[0]]) if outside.size else None
+
+
+class TipWatch:
+    """Follows the tip along its path and says where it leaves the tissue.
+
+    Far from the surface nothing is looked for until the tip has gone as far as it is deep.
+
+    Parameters
+    ----------
+    surface : Surface
+    start : array, shape (dim,), m
+        Where the tip is: on or in the tissue.
+    """
+
+    def __init__(self, surface: Surface, start: Vector) -> None:
+        self._surface = surface
+        self._seen, self._clear = start, 0.0
+
+    def first_exit(self, start: Vector, end: Vector) -> float | None:
+        """Return the part of the tip's next step after which it leaves the tissue, or None.
+
+        Parameters
+        ----------
+        start, end : array, shape (dim,), m
+            Material points at the tip before and after the step.
+        """
+        if self._clear_of(start) and self._clear_of(end):
+            return None
+        self._seen, self._clear = start, self._surface.clearance(start)
+        return None if self._clear_of(end) else self._surface.first_exit(start, end)
+
+    def _clear_of(self, point: Vector) -> bool:
+        """Say whether a point is nearer to where the tip was looked at than the surface is."""
+        apart = point - self._seen
+        return float(apart @ apart) < self._clear**2

@@ -1,0 +1,200 @@
+"""A case from contour files."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from needlefem._arrays import Vector
+from needlefem._inputfile import require_file
+from needlefem._toml import brief, quoted
+from needlefem.casefile.contourfile import ContourTable, read_table
+from needlefem.casefile.openkeys import OPEN
+from needlefem.errors import CaseError
+from needlefem.geometry.contour import Contour
+from needlefem.newcase.box import Box, Line, box_around, box_draft, with_room
+from needlefem.newcase.draft import (
+    Draft,
+    millimetres,
+    numbers_text,
+    planning_text,
+    point_text,
+)
+from needlefem.newcase.names import different, file_names
+from needlefem.newcase.request import Wanted, direction_of, point_of
+from needlefem.units import parse_quantity
+
+UNKNOWN = f'"{OPEN}"'
+UNNAMED = ("y", "z")
+"""Axes of files whose columns have no names."""
+FINEST = 0.5e-3
+"""Smallest size along a contour, m, where no voxel says more."""
+
+
+def of_contours(paths: Sequence[Path], folder: Path, wanted: Wanted) -> Draft:
+    """Return the case that contour files begin: a box around them, a region each.
+
+    Coordinates stay those of the files. The skin passes through the entry; where none is given it
+    lies a margin before the contours. `folder` is the case's; contour files that lie there stay.
+
+    Raises
+    ------
+    CaseError
+        A file that can't be read, one that is given twice, axes that differ between them, or a
+        contour that reaches out of the skin.
+    """
+    sources = _sources(paths)
+    tables = {name: read_table(path, "--contour") for name, path in sources.items()}
+    axes = next((table.names for table in tables.values() if table.names), UNNAMED)
+    unit = parse_quantity(wanted.unit, "length", "--unit") if wanted.unit else None
+    contours = {name: table.contour("--contour", axes, unit) for name, table in tables.items()}
+    contours = dict(sorted(contours.items(), key=lambda item: -item[1].area))
+    target = point_of(wanted.target, 2, "--target") if wanted.target else None
+    entry = point_of(wanted.entry, 2, "--entry") if wanted.entry else None
+    direction = _direction(wanted, target, entry)
+    points = [point for point in (target, entry) if point is not None]
+    box = box_around(contours, wanted.around, *points)
+    if entry is not None and direction is not None:
+        box = _behind(box, contours, entry, direction)
+    line = None
+    if target is not None and direction is not None:
+        line = Line(target, direction, box.depth_of(target, direction))
+        box = with_room(box, line)
+    remedy = f"check units, --margin, --target and {_farthest(contours)}"
+    mesh = box_draft(box, contours, FINEST, line, key="--contour", remedy=remedy)
+    files = _files(sources, folder)
+    return Draft(
+        title=paths[0].stem,
+        file=", ".join(path.name for path in paths),
+        axes=axes,
+        remarks=_remarks(wanted, axes, box, direction, contours),
+        mesh=mesh.text(),
+        regions={
+            name: _contour_text(files[name], tables[name], wanted.unit, _is_in(path, folder))
+            + mesh.own_size(name)
+            for name, path in ((name, sources[name]) for name in contours)
+        },
+        faces=tuple(f"{axis}_{end}" for axis in axes for end in ("min", "max")),
+        direction=UNKNOWN if direction is None else numbers_text(direction),
+        max_depth=UNKNOWN if line is None else millimetres(line.max_depth),
+        target=UNKNOWN if target is None else point_text(target),
+        planning=planning_text(line.sideways) if line is not None else "",
+        contours={files[name]: contour for name, contour in contours.items()},
+    )
+
+
+def _sources(paths: Sequence[Path]) -> dict[str, Path]:
+    """Return the files by the names of their regions."""
+    found: dict[str, Path] = {}
+    for path in paths:
+        require_file(path, "--contour", remedy="give a CSV file")
+        if path.resolve() in [other.resolve() for other in found.values()]:
+            raise CaseError("--contour", f"'{path}' is given twice", "give a file once")
+        found[different(path.stem, found)] = path
+    return found
+
+
+def _is_in(path: Path, folder: Path) -> bool:
+    """Say whether a contour file lies in the case's folder under a name that TOML can say."""
+    try:
+        path.name.encode()
+    except UnicodeEncodeError:
+        return False
+    return path.resolve().parent == Path(os.path.realpath(folder))  # takes links in a circle
+
+
+def _files(sources: Mapping[str, Path], folder: Path) -> dict[str, str]:
+    """Return names of the case's contour files by region; files in its folder keep theirs."""
+    staying = {name: path.name for name, path in sources.items() if _is_in(path, folder)}
+    rest = [name for name in sources if name not in staying]
+    return staying | file_names(rest, taken=staying.values())
+
+
+def _direction(wanted: Wanted, target: Vector | None, entry: Vector | None) -> Vector | None:
+    if entry is None:
+        return direction_of(wanted.direction, 2, "--direction") if wanted.direction else None
+    if target is None:
+        raise CaseError("--target", "missing", "give it too: the needle goes from --entry to it")
+    away = target - entry
+    if not np.any(away):
+        raise CaseError("--entry", f"'{wanted.entry}' is the target", "give a point of the skin")
+    return np.asarray(away / np.linalg.norm(away))
+
+
+def _face(direction: Vector) -> tuple[int, bool]:
+    """Return the axis of the face through which the needle enters, and whether it is the lower."""
+    axis = int(np.argmax(np.abs(direction)))
+    return axis, bool(direction[axis] > 0.0)
+
+
+def _behind(box: Box, contours: Mapping[str, Contour], entry: Vector, direction: Vector) -> Box:
+    """Return the box with its entry face through the entry."""
+    axis, lower = _face(direction)
+    low, high = box.low.copy(), box.high.copy()
+    (low if lower else high)[axis] = entry[axis]
+    for name, contour in contours.items():
+        along = contour.points[:, axis]
+        out = float(entry[axis] - along.min() if lower else along.max() - entry[axis])
+        if out > 0.0:
+            problem = f"contour '{brief(name)}' reaches {1e3 * out:.2g} mm out of the skin"
+            raise CaseError("--entry", problem, "move it out, or leave the contour away")
+    return Box(low, high)
+
+
+def _farthest(contours: Mapping[str, Contour]) -> str:
+    """Return the name and the place of the corner that lies farthest from the others."""
+    points = np.vstack([contour.points for contour in contours.values()])
+    away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    name, number = [
+        (name, number)
+        for name, contour in contours.items()
+        for number in range(len(contour.points))
+    ][int(np.argmax(away))]
+    place = ", ".join(f"{x:.4g}" for x in contours[name].points[number])
+    return f"the farthest corner, {number + 1} of '{brief(name)}' at ({place}) m"
+
+
+def _remarks(
+    wanted: Wanted,
+    axes: Sequence[str],
+    box: Box,
+    direction: Vector | None,
+    contours: Mapping[str, Contour],
+) -> tuple[str, ...]:
+    """Return what a reader of the case must know of the box and of depths."""
+    plain = "Coordinates are those of the files; plan and run print depths beside them."
+    if direction is None:
+        return (
+            f"The tissue is a box, {wanted.margin} around the contours: its faces are skin.", plain
+        )  # fmt: skip
+    axis, lower = _face(direction)
+    at = float(box.low[axis] if lower else box.high[axis])
+    face = f"{axes[axis]}_{'min' if lower else 'max'}"
+    where = f"the face {face} of the box, at {axes[axis]} = {1e3 * at:.6g} mm"
+    if wanted.entry:
+        skin = f"The skin is {where}, where the entry is."
+    else:
+        skin = f"The skin is {where}, {wanted.margin} before the contours (or give --entry)."
+    straight = bool(np.count_nonzero(direction) == 1)
+    if straight and at == 0.0 and lower:
+        depth = f"The depth behind the skin is {axes[axis]}."
+    elif straight:
+        sign = f"{axes[axis]} - {1e3 * at:.6g} mm" if lower else f"{1e3 * at:.6g} mm - {axes[axis]}"
+        depth = f"The depth behind the skin is {sign}. {plain}"
+    else:
+        depth = f"Depths count along the needle from the skin. {plain}"
+    touching = [
+        f"Contour {brief(name)} touches the skin."
+        for name, contour in contours.items()
+        if abs(box.gap(contour)) < 1e-9
+    ]
+    return (skin, depth, *touching)
+
+
+def _contour_text(file: str, table: ContourTable, unit: str, stays: bool) -> str:
+    """Return the keys of a region; a file that stays and says no unit needs it here."""
+    line = f"contour = {quoted(file)}"
+    if not stays or all(column.factor is not None for column in table.columns):
+        return line
+    return f"{line}\nunit = {quoted(unit)}"

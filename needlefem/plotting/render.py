@@ -1,0 +1,206 @@
+"""Pictures of insertions: stills, panels and animations, one beside another."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem._arrays import Floats
+from needlefem.fem.recovery import CellValues
+from needlefem.insertion.result import Insertion
+from needlefem.plotting.backend import renderer
+from needlefem.plotting.images import Image, save, save_moving, save_still
+from needlefem.plotting.quantities import quantity, scale_of
+from needlefem.plotting.style import Style
+from needlefem.plotting.texture import Texture, read_texture, synthetic_ultrasound
+from needlefem.plotting.timeline import Film, Moment
+from needlefem.plotting.view import Look, View
+from needlefem.scene.limits import check_count
+
+SYNTHETIC = "synthetic"
+"""Name of the texture that is made up."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Shot:
+    """What a picture shows, and how large.
+
+    Parameters
+    ----------
+    field : str
+        Colours by this quantity; by region when empty.
+    texture : str
+        An image file of the undeformed tissue, or ``synthetic``; none when empty.
+    size : (int, int)
+        Pixels.
+    style : Style
+    """
+
+    field: str = ""
+    texture: str = ""
+    size: tuple[int, int] = (1280, 720)
+    style: Style = dataclasses.field(default_factory=Style)
+
+
+def render(
+    insertion: Insertion,
+    path: str | Path,
+    *,
+    depth: float | None = None,
+    time: float | None = None,
+    beside: Insertion | None = None,
+    shot: Shot | None = None,
+) -> Path:
+    """Draw tissue, needle, path, seeds and target at one time into a picture.
+
+    Parameters
+    ----------
+    insertion : Insertion
+    path : str or Path
+        Ends in .png, .webp or .jpg.
+    depth : float, m, optional
+        When the tip first is there. The last state when neither this nor `time` is given.
+    time : float, s, optional
+    beside : Insertion, optional
+        Drawn on the right, at the same time or depth, in the same colours.
+    shot : Shot, optional
+
+    Raises
+    ------
+    NoRendererError
+        Nothing here can draw; the message names what to install.
+    CaseError
+        A field that the element has not, a texture that can't be read, an unknown kind of file.
+    """
+    films = _films(insertion, beside)
+    times = [_time(film, depth, time) for film in films]
+    with Studio(films, shot or Shot(), scale_times=[[t] for t in times]) as studio:
+        image = studio.picture([film.moments([t])[0] for film, t in zip(films, times, strict=True)])
+    return save_still(image, Path(path))
+
+
+def _time(film: Film, depth: float | None, time: float | None) -> float:
+    if time is not None:
+        return time
+    return float(film.times[-1]) if depth is None else film.time_at(depth)
+
+
+def _films(insertion: Insertion, beside: Insertion | None) -> list[Film]:
+    return [Film(found) for found in (insertion, beside) if found is not None]
+
+
+def animate(
+    insertion: Insertion,
+    path: str | Path,
+    *,
+    frames: int = 60,
+    rate: float = 12.0,
+    beside: Insertion | None = None,
+    shot: Shot | None = None,
+) -> Path:
+    """Draw the whole motion into an animation (.gif, .webp, or .mp4 with the extra `video`).
+
+    Frames are evenly spaced in time; the shorter of two motions waits at its end. See `render`
+    for the other parameters and the errors.
+    """
+    films = _films(insertion, beside)
+    check_count(frames, "frames", insertion.scene.limits)
+    times = frame_times(films, frames)
+    with Studio(films, shot or Shot(), scale_times=[times] * len(films)) as studio:
+        return save_moving(studio.pictures(times), Path(path), rate)
+
+
+def frame_times(films: Sequence[Film], frames: int) -> Floats:
+    """Return the times of frames, s, evenly spaced from start to the end of the longest."""
+    return np.linspace(0.0, max(float(film.times[-1]) for film in films), max(frames, 2))
+
+
+def panels(
+    insertion: Insertion, path: str | Path, *, count: int = 6, shot: Shot | None = None
+) -> Path:
+    """Draw moments evenly spaced in time beside one another; see `render`."""
+    shot, film = shot or Shot(), Film(insertion)
+    check_count(count, "panels", insertion.scene.limits)
+    times = frame_times([film], count)
+    across = min(3, len(times))
+    down = -(-len(times) // across)
+    size = (across * shot.size[0] // 2, down * shot.size[1] // 2)
+    plotter = _plotter(shot, size, (down, across))
+    look = looks([film], shot, [times])[0]
+    for number, moment in enumerate(film.moments(times)):
+        plotter.subplot(number // across, number % across)
+        View(plotter, film, look, insertion.scene.title).show(moment)
+    return save(plotter, Path(path))
+
+
+class Studio:
+    """One plotter for all pictures of some insertions, side by side.
+
+    Parameters
+    ----------
+    films : sequence of Film
+    shot : Shot
+    scale_times : sequence of sequences, s
+        Times of each film whose values the colours must cover.
+    """
+
+    def __init__(
+        self, films: Sequence[Film], shot: Shot, scale_times: Sequence[Sequence[float] | Floats]
+    ) -> None:
+        self.films = tuple(films)
+        self.plotter = _plotter(shot, shot.size, (1, len(films)))
+        self.views = []
+        for number, (film, look) in enumerate(
+            zip(films, looks(films, shot, scale_times), strict=True)
+        ):
+            self.plotter.subplot(0, number)
+            self.views.append(View(self.plotter, film, look, film.insertion.scene.title))
+
+    def __enter__(self) -> "Studio":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.plotter.close()
+
+    def picture(self, moments: Sequence[Moment]) -> Image:
+        """Return a picture of one moment of every film."""
+        for view, moment in zip(self.views, moments, strict=True):
+            view.show(moment)
+        self.plotter.render()  # a screenshot alone repeats the last picture
+        image: Image = self.plotter.screenshot(return_img=True)
+        return image
+
+    def pictures(self, times: Sequence[float] | Floats) -> Iterator[Image]:
+        """Yield a picture for every time."""
+        for moments in zip(*(film.moments(times) for film in self.films), strict=True):
+            yield self.picture(moments)
+
+
+def looks(
+    films: Sequence[Film], shot: Shot, times: Sequence[Sequence[float] | Floats]
+) -> list[Look]:
+    """Return how each of some films is shown, all with the same scale."""
+    if shot.texture:
+        return [Look(texture=_texture(film, shot.texture), style=shot.style) for film in films]
+    if not shot.field:
+        return [Look(style=shot.style) for _ in films]
+    shown, values = quantity(shot.field), []
+    for film, moments in zip(films, times, strict=True):
+        cells = CellValues(film.model)
+        values += [shown.of(cells, moment.u) for moment in film.moments(moments)]
+    return [Look(field=shown, scale=scale_of(shown, values), style=shot.style) for _ in films]
+
+
+def _texture(film: Film, name: str) -> Texture:
+    if name != SYNTHETIC:
+        return read_texture(name)
+    insertion = film.insertion
+    return synthetic_ultrasound(insertion.scene, insertion.model, insertion.axis)
+
+
+def _plotter(shot: Shot, size: tuple[int, int], shape: tuple[int, int]) -> Any:
+    plotter = renderer().Plotter(off_screen=True, shape=shape, window_size=list(size), border=False)
+    plotter.set_background(shot.style.background)
+    return plotter

@@ -1,0 +1,151 @@
+"""What pictures need of an insertion at any time: fields, path, seeds, force."""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from needlefem._arrays import Floats, Ints, Points
+from needlefem.insertion.fields import depends_on_time, displacements
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import Way
+
+CHUNK = 64
+"""States whose displacements are recovered at once."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Moment:
+    """Needle and tissue at one time.
+
+    Parameters
+    ----------
+    time : float, s
+    depth : float, m
+    force : float, N (N/m in 2D)
+        On the needle.
+    u : array, shape (ndofs,), m
+        Displacement.
+    contours : tuple of arrays, shape (n, dim), m
+        Where the regions' outlines are.
+    path : array, shape (n, dim), m
+        Where the cut path is, from the skin on.
+    seeds : array, shape (nseeds, dim), m
+        Where what was released is.
+    """
+
+    time: float
+    depth: float
+    force: float
+    u: Floats
+    contours: tuple[Points, ...]
+    path: Points
+    seeds: Points
+
+
+class Film:
+    """An insertion as moments; between states all is linear in time.
+
+    Parameters
+    ----------
+    insertion : Insertion
+    """
+
+    def __init__(self, insertion: Insertion) -> None:
+        self.insertion, self.model = insertion, insertion.model
+        plane = insertion.scene.regions.values() if self.model.dim == 2 else ()
+        self.outlines = tuple(region.contour.points for region in plane)
+        place = self.model.interpolation.at
+        find = self.model.interpolation.locator.find
+        self._within = [find(points)[0] >= 0 for points in self.outlines]
+        self._outline_weights = [
+            place(points[within]) if np.any(within) else None
+            for points, within in zip(self.outlines, self._within, strict=True)
+        ]
+        states = insertion.states
+        cut = [n for n, s in enumerate(states) if s.way in (Way.CUTTING, Way.JUMPING)]
+        self._cut: Ints = np.array(cut, dtype=np.intp)
+        self._path = insertion.tips[self._cut]
+        self._path_weights = place(self._path) if cut else None
+
+    @cached_property
+    def times(self) -> Floats:
+        """Time of every state, shape (nstates,), s; of a march that of its depth."""
+        times = np.array([state.time for state in self.insertion.states])
+        if times[-1] > 0.0:
+            return times
+        return self.insertion.depths / self.insertion.scene.motion.speed
+
+    def time_at(self, depth: float) -> float:
+        """Return when the tip first is at a depth (m), or the time of its largest depth."""
+        depths = self.insertion.depths
+        after = int(np.argmax(depths >= min(depth, float(depths.max()))))
+        if after == 0:
+            return float(self.times[0])
+        pair = slice(after - 1, after + 1)
+        return float(np.interp(depth, depths[pair], self.times[pair]))
+
+    def moments(self, times: Sequence[float] | Floats) -> list[Moment]:
+        """Return the moments at some times, s; those outside the motion are moved to its ends."""
+        times = np.clip(np.asarray(times, dtype=float), self.times[0], self.times[-1])
+        last = len(self.times) - 1
+        after = np.clip(np.searchsorted(self.times, times, side="left"), min(1, last), last)
+        before = np.maximum(after - 1, 0)
+        span = self.times[after] - self.times[before]
+        share = np.divide(
+            times - self.times[before], span, where=span > 0.0, out=np.ones(len(span))
+        )
+        numbers = np.unique(np.concatenate([before, after]))
+        fields = self._fields(numbers)
+        place = {int(n): column for column, n in enumerate(numbers)}
+        return [
+            self._moment(float(t), b, a, float(s), fields[:, [place[b], place[a]]])
+            for t, b, a, s in zip(times, before.tolist(), after.tolist(), share, strict=True)
+        ]
+
+    def undeformed(self) -> Moment:
+        """Return the moment before the needle touches anything."""
+        nothing = np.zeros((self.model.ndofs, 2))
+        return self._moment(0.0, 0, 0, 0.0, nothing)
+
+    def _moment(self, time: float, before: int, after: int, share: float, pair: Floats) -> Moment:
+        mix = np.array([1.0 - share, share])
+        u: Floats = pair @ mix
+        nodal, states = self.model.nodal(u), self.insertion.states
+        one, other = states[before], states[after]
+        moved = [self._outline_moved(number, nodal) for number in range(len(self.outlines))]
+        cut = int(np.searchsorted(self._cut, after if share == 1.0 else before, side="right"))
+        path = self._path[:cut]
+        if self._path_weights is not None:
+            path = path + self._path_weights.of(nodal)[:cut]
+        seeds, there = (other if share == 1.0 else one).seeds, len(one.seeds)
+        if share < 1.0 and there:
+            seeds = mix[0] * one.seeds + mix[1] * other.seeds[:there]
+        return Moment(
+            time=time,
+            depth=float(mix @ [one.depth, other.depth]),
+            force=float(mix @ [one.force, other.force]),
+            u=u,
+            contours=tuple(p + d for p, d in zip(self.outlines, moved, strict=True)),
+            path=path,
+            seeds=seeds,
+        )
+
+    def _outline_moved(self, number: int, nodal: Floats) -> Points:
+        """Return the displacement of an outline; what lies outside the tissue does not move."""
+        moved = np.zeros(self.outlines[number].shape)
+        weights = self._outline_weights[number]
+        if weights is not None:
+            moved[self._within[number]] = weights.of(nodal)
+        return moved
+
+    def _fields(self, numbers: Ints) -> Floats:
+        """Return the displacements in some states, shape (ndofs, n), m."""
+        if depends_on_time(self.insertion):
+            return displacements(self.insertion, numbers.tolist())  # one way through all steps
+        parts = [
+            displacements(self.insertion, numbers[i : i + CHUNK].tolist())
+            for i in range(0, len(numbers), CHUNK)
+        ]
+        return np.hstack(parts)

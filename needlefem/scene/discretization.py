@@ -1,0 +1,133 @@
+"""Numbers of the method, as opposed to those of the tissue and the needle; and damping."""
+
+import dataclasses
+import math
+
+from needlefem._parameter import knob
+from needlefem.errors import CaseError
+from needlefem.scene.meshing import Coordinates
+from needlefem.validation import Validated
+
+DYNAMIC = ("newmark", "generalised-alpha")
+"""Integrators with inertia."""
+TISSUE_ALONE = dict.fromkeys(
+    ("hht", "central-difference"), "integrates tissue without a needle only"
+)
+"""Integrators that no case can choose, and why."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Discretisation(Validated):
+    """Numbers of the method."""
+
+    TABLE = "discretisation"
+
+    element: str = knob("Element of the catalogue, or 'auto'", default="auto")
+    path_spacing: float = knob(
+        "Length of the pieces of the cut path that carry contact",
+        "length",
+        default=0.8e-3,
+        low=0.0,
+    )
+    kernel_points: int = knob(
+        "Quadrature points of the tip's kernel; 0 chooses by element size",
+        default=0,
+        low=0.0,
+        closed=True,
+    )
+    integrator: str = knob(
+        "March along the path, equilibrium step by step, with inertia, or what the scene needs",
+        default="auto",
+        choices=("auto", "march", "quasi-static", *DYNAMIC),
+        refused=TISSUE_ALONE,
+    )
+    time_step: float = knob(
+        "Longest time step; 0: that of half a piece of the path at the motion's speed",
+        "time",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    rho_inf: float = knob(
+        "Generalised-alpha: by what motion that the step can't follow shrinks a step",
+        default=0.8,
+        low=0.0,
+        high=1.0,
+        closed=True,
+    )
+    newmark_gamma: float = knob(
+        "Newmark: 0.5 is the average acceleration, more damps; beta goes with it",
+        default=0.6,
+        low=0.5,
+        high=1.0,
+        closed=True,
+    )
+    mass: str = knob(
+        "Mass of tissue with inertia, consistent or a lumping that the element has",
+        default="consistent",
+        choices=("consistent", "row-sum", "hrz"),
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Rayleigh(Validated):
+    """Viscous damping ``mass_rate M + stiffness_time K``, or two ratios at two frequencies."""
+
+    TABLE = "damping"
+
+    mass_rate: float = knob("Damping of velocities", "rate", default=0.0, low=0.0, closed=True)
+    stiffness_time: float = knob(
+        "Damping of strain rates", "time", default=0.0, low=0.0, closed=True
+    )
+    frequencies: Coordinates = knob(
+        "Two frequencies with known damping, instead", "rate", default=(), low=0.0
+    )
+    ratios: Coordinates = knob("Shares of critical damping there", default=(), low=0.0, closed=True)
+
+    def check(self) -> None:
+        """See `Validated`."""
+        if not self.frequencies and not self.ratios:
+            return
+        key = "damping.frequencies"
+        if self.mass_rate or self.stiffness_time:
+            raise CaseError(key, "mass_rate or stiffness_time as well", "keep one")
+        counts = len(self.frequencies), len(self.ratios)
+        if counts != (2, 2):
+            problem = f"{counts[0]} frequencies and {counts[1]} ratios"
+            raise CaseError(key, problem, "give two of both")
+        first, second = (2.0 * math.pi * frequency for frequency in self.frequencies)
+        if first == second:
+            raise CaseError(key, f"{list(self.frequencies)}", "give two different ones")
+        low, high = self.ratios
+        # the coefficients of mass and stiffness, over factors that have the same sign
+        if min((high * first - low * second) / (first - second),
+               (low * first - high * second) / (first - second)) < 0.0:  # fmt: skip
+            problem = f"{list(self.ratios)} make one of mass_rate and stiffness_time negative"
+            raise CaseError("damping.ratios", problem, "bring the ratios closer together")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Limits(Validated):
+    """How much work a scene may ask for; what is estimated to take more is refused at once."""
+
+    TABLE = "limits"
+
+    memory: float = knob(
+        "Most memory that mesh, stiffness and contact may take",
+        "memory",
+        default=8e9,
+        low=1e6,
+        closed=True,
+    )
+    steps: int = knob(
+        "Most pieces of the path, or time steps, of one motion",
+        default=1_000_000,
+        low=1.0,
+        closed=True,
+    )
+    count: int = knob(
+        "Most targets, seeds of a train, kernel points, snapshots, panels or frames",
+        default=10_000,
+        low=1.0,
+        closed=True,
+    )

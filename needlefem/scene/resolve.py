@@ -1,0 +1,238 @@
+"""The one place that decides: what a scene needs, and what it can do without."""
+
+import dataclasses
+import math
+
+from needlefem._plugin import is_foreign
+from needlefem.elements import ElementRow, element_row
+from needlefem.errors import CaseError
+from needlefem.materials import Material, split
+from needlefem.scene import DYNAMIC, BoxMesh, Discretisation, FileMesh, Scene, vary
+from needlefem.scene.regime import integrator_for, needs_steps
+
+CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
+"""By shape of the cells: the element that is fastest to an accuracy, the mixed one that overtakes
+it before it locks, and the Poisson's ratio at which it does (``needlefem bench elements``)."""
+SHORT_PIECE = 0.75
+"""Length of a piece over the element size from which on its sticking is smooth
+(``verification/friction/multiplier_noise.py``)."""
+FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS = 48, 400
+
+
+@dataclasses.dataclass(frozen=True)
+class Resolved:
+    """A concrete scene and why it is as it is.
+
+    Parameters
+    ----------
+    scene : Scene
+        Without anything left to choose.
+    reasons : dict
+        A sentence for every choice.
+    skipped : dict
+        What the scene doesn't need, and why.
+    warnings : tuple of str
+        What the user should know before believing a result.
+    """
+
+    scene: Scene
+    reasons: dict[str, str]
+    skipped: dict[str, str]
+    warnings: tuple[str, ...]
+
+
+def resolve(scene: Scene) -> Resolved:
+    """Return the scene with every 'auto' replaced, the reasons, the skips and the warnings."""
+    reasons: dict[str, str] = {}
+    discretisation = _discretisation(scene, reasons)
+    concrete = dataclasses.replace(scene, discretisation=discretisation)
+    return Resolved(concrete, reasons, _skips(concrete), tuple(_warnings(concrete)))
+
+
+def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
+    chosen = scene.discretisation
+    if chosen.element == "auto":
+        name, why = _element(scene)
+        reasons["element"] = f"{name}: {why}"
+        chosen = dataclasses.replace(chosen, element=name)
+    row = element_row(chosen.element)
+    if not is_foreign(chosen.element):  # in another spelling, perhaps
+        chosen = dataclasses.replace(chosen, element=row.name)
+    if chosen.kernel_points == 0:
+        points = _kernel_points(scene)
+        reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"
+        chosen = dataclasses.replace(chosen, kernel_points=points)
+    needs = needs_steps(scene)
+    if chosen.integrator == "march" and needs:
+        remedy = "write 'quasi-static' or 'auto'"
+        raise CaseError("discretisation.integrator", f"'march', but {needs}", remedy)
+    if chosen.integrator != "auto":
+        reasons["integrator"] = f"{chosen.integrator}: asked for"
+        return chosen
+    name, why = integrator_for(scene, needs)
+    reasons["integrator"] = f"{name}: {why}"
+    return dataclasses.replace(chosen, integrator=name)
+
+
+def with_element(scene: Scene, name: str) -> Scene:
+    """Return the scene with another element; a box gets the cells that it lives on."""
+    changes: dict[str, object] = {"discretisation.element": name}
+    cell = element_row(name).cell
+    if isinstance(scene.mesh, BoxMesh) and cell != cell_shape(scene):
+        changes["mesh.pattern"] = "quadrilateral" if cell == "quadrilateral" else "diagonal"
+    return vary(scene, changes)
+
+
+def cell_shape(scene: Scene) -> str:
+    """Return the shape of the cells that the scene's mesh will have."""
+    if isinstance(scene.mesh, FileMesh):
+        return scene.mesh.cell
+    return "quadrilateral" if scene.mesh.pattern == "quadrilateral" else "triangle"
+
+
+def _ratio(scene: Scene, material: Material) -> float:
+    """Return the Poisson's ratio that says how nearly incompressible a law is to elements.
+
+    In plane stress the third direction gives way, and nothing locks.
+    """
+    return 0.0 if scene.plane == "stress" else split(material).poissons_ratio
+
+
+def cheapest(ratio: float) -> tuple[str, ...]:
+    """Return the elements that are chosen for a Poisson's ratio, one for each shape of cells."""
+    return tuple(
+        mixed if ratio > overtakes else plain for plain, mixed, overtakes in CHEAPEST.values()
+    )
+
+
+def quadratic(scene: Scene) -> str:
+    """Return the quadratic element of the scene's cells, with a pressure only if it locks else."""
+    plain, mixed, _ = CHEAPEST[cell_shape(scene)]
+    worst = max(_ratio(scene, material) for material in scene.materials.values())
+    return plain if worst <= element_row(plain).poissons_ratio_limit else mixed
+
+
+def _element(scene: Scene) -> tuple[str, str]:
+    """Return the element that is fastest to an accuracy in the scene, and why."""
+    plain, mixed, overtakes = CHEAPEST[cell_shape(scene)]
+    worst = max(_ratio(scene, material) for material in scene.materials.values())
+    if worst > overtakes:
+        return mixed, f"its pressure carries Poisson's ratios such as {worst:.6g} without locking"
+    return plain, f"the fastest to an accuracy below nu = {overtakes:g}"
+
+
+def _kernel_points(scene: Scene) -> int:
+    size = tip_element_size(scene)
+    if size is None:
+        return MOST_KERNEL_POINTS
+    wanted = math.pi * (3.0 * scene.needle.tip_radius / size) ** scene.dim
+    return max(FEWEST_KERNEL_POINTS, min(MOST_KERNEL_POINTS, math.ceil(wanted)))
+
+
+def tip_element_size(scene: Scene) -> float | None:
+    """Return the element size along the needle that the mesh is asked for, m.
+
+    None for a mesh from a file, which has the sizes that it has.
+    """
+    mesh = scene.mesh
+    if isinstance(mesh, FileMesh):
+        return None
+    squares = [length / n for length, n in zip(mesh.size, mesh.divisions, strict=True)]
+    coarse = max(squares) / (math.sqrt(2.0) if mesh.pattern == "crossed" else 1.0)
+    wanted = mesh.refine.corridor_size
+    return min(wanted, coarse) if wanted > 0.0 else coarse
+
+
+def _skips(scene: Scene) -> dict[str, str]:
+    found = {
+        "dynamics": "quasi-static: one slow insertion; inertia is below tolerance",
+        "time_steps": "monotone insertion with all points slipping: marched along the path",
+        "reassembly": "the stiffness is constant: one factorisation",
+        "responses_elsewhere": "only the needle's corridor is touched",
+        "retraction": "elastic tissue and the first seed: it comes to rest where it was released",
+        "mass_and_damping": "not used by a quasi-static insertion",
+        "full_fields": "recovered only for the states that are checked, drawn or written",
+        "pictures": "nothing is imported for them before they are asked for",
+        "further_insertions": "a search ends where the target is met to its tolerance",
+        "repetition": "all insertions share assembly, factorisation and responses",
+    }
+    if not scene.planning.estimate:
+        found["estimate"] = "what the discretisation does to a placement: not asked for"
+    motion = scene.motion
+    if scene.discretisation.integrator != "march" or motion.stages or motion.times:
+        del found["time_steps"], found["retraction"]
+    if scene.discretisation.integrator in DYNAMIC:
+        del found["dynamics"], found["mass_and_damping"]
+    return found
+
+
+def _warnings(scene: Scene) -> list[str]:
+    row = element_row(scene.discretisation.element)
+    return [
+        *_locking(scene, row),
+        *_tip_warnings(scene, row),
+        *_spacing_warnings(scene, row),
+        *_friction_warnings(scene),
+        *stick_warnings(scene),
+    ]
+
+
+def _friction_warnings(scene: Scene) -> list[str]:
+    needle = scene.needle
+    if needle.static_friction > 1.0 and needle.weakening_length == 0.0:
+        return [
+            "friction drops at once from static to kinetic: the answer depends on the time step; "
+            "give needle.weakening_length"
+        ]
+    return []
+
+
+def stick_warnings(scene: Scene) -> list[str]:
+    """Say where the friction of what sticks would alternate from piece to piece."""
+    size, needle = tip_element_size(scene), scene.needle
+    steps = scene.motion.stages or scene.motion.times or scene.discretisation.integrator != "march"
+    if not steps or size is None or needle.stick_stiffness > 0.0:
+        return []
+    if scene.discretisation.path_spacing >= SHORT_PIECE * size:
+        return []
+    return [
+        f"the path spacing is below the element size along the needle ({size * 1e3:.2g} mm): the "
+        "friction of what sticks alternates from piece to piece; lengthen it or give "
+        "needle.stick_stiffness (1e9 N/m^3 is enough)"
+    ]
+
+
+def _locking(scene: Scene, row: ElementRow) -> list[str]:
+    found = []
+    plain, mixed, _ = CHEAPEST[cell_shape(scene)]
+    for name, material in scene.materials.items():
+        ratio = _ratio(scene, material)
+        if ratio > row.poissons_ratio_limit:
+            cure = plain if ratio <= element_row(plain).poissons_ratio_limit else mixed
+            found.append(
+                f"{row.name} locks at Poisson's ratio {ratio:.6g} of '{name}': "
+                f"the tissue is too stiff; use {cure}"
+            )
+    return found
+
+
+def _tip_warnings(scene: Scene, row: ElementRow) -> list[str]:
+    if scene.needle.tip == "point":
+        return ["a point tip never converges: the answer drifts with every refinement"]
+    radius, size = scene.needle.tip_radius, tip_element_size(scene)
+    if size is not None and size / row.degree > 0.55 * radius:
+        return [
+            f"nodes along the needle ({size / row.degree * 1e3:.2g} mm apart) are further apart "
+            f"than half the tip's radius ({radius * 1e3:.2g} mm): refine the corridor"
+        ]
+    return []
+
+
+def _spacing_warnings(scene: Scene, row: ElementRow) -> list[str]:
+    size = tip_element_size(scene)
+    if size is None or scene.discretisation.path_spacing >= 0.3 * size / row.degree:
+        return []
+    return [
+        f"the path spacing is below a third of the node distance ({size / row.degree * 1e3:.2g} "
+        "mm): only the lateral stiffness keeps the shaft's forces from becoming noise"
+    ]

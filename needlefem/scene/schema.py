@@ -1,0 +1,450 @@
+"""The parts of a scene."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from needlefem._parameter import Knob, knob
+from needlefem.errors import CaseError, nearest, short
+from needlefem.geometry.contour import Contour
+from needlefem.geometry.image_frame import Frame
+from needlefem.materials import Material
+from needlefem.scene.discretization import Discretisation, Limits, Rayleigh
+from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
+from needlefem.shown import Shown
+from needlefem.validation import Validated, converted, made, validate
+
+ROUND_OFF = 1e-15
+"""Difference of a unit vector's length from 1."""
+KEYS = {"background": "tissue.background", "plane": "tissue.plane", "target": "target.point"}
+"""Keys of a case file for fields of a scene that have another name."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Region(Validated):
+    """A part of the tissue: inside a closed contour, or a group of the mesh file.
+
+    The contour of a group is its outline, for pictures and for targets drawn in it.
+    """
+
+    TABLE = "regions.NAME"
+
+    contour: Contour
+    group: str | None = knob("Group of cells of the mesh file, instead of a contour", default=None)
+    material: str = knob("Name of its material")
+    contour_size: float = knob(
+        "Element size along its contour; 0: mesh.refine.contour_size",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    cutting_force: float | None = knob(
+        "Cutting force here, where it differs from the needle's",
+        "cutting force",
+        default=None,
+        low=0.0,
+    )
+    shaft_friction: float | None = knob(
+        "Shaft friction here, where it differs from the needle's",
+        "shaft friction",
+        default=None,
+        low=0.0,
+        closed=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Convert and check; corners as an array or a list become a contour."""
+        object.__setattr__(self, "contour", _contour(self.contour, f"{self.TABLE}.contour"))
+        super().__post_init__()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Support(Validated):
+    """Faces and regions in which displacement components are held at zero."""
+
+    TABLE = "supports.NAME"
+
+    faces: tuple[str, ...] = knob("Named faces of the mesh", default=())
+    regions: tuple[str, ...] = knob("Regions held as a whole, such as bone", default=())
+    fixed: tuple[str, ...] = knob("Axes whose displacement is held; all when left out", default=())
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Obstacle(Validated):
+    """What the needle has to keep away from: the inside of a contour, fixed in space."""
+
+    TABLE = "obstacles.NAME"
+
+    contour: Contour
+    region: str | None = knob("Region of the tissue that it is, instead of a contour", default=None)
+    clearance: float = knob(
+        "Least distance of the needle's line, from tip to hub", "length", low=0.0, closed=True
+    )
+
+    def __post_init__(self) -> None:
+        """Convert and check; corners as an array or a list become a contour."""
+        object.__setattr__(self, "contour", _contour(self.contour, f"{self.TABLE}.contour"))
+        super().__post_init__()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Needle(Validated):
+    """A rigid, thin, straight needle with a symmetric tip."""
+
+    TABLE = "needle"
+
+    tip_radius: float = knob(
+        "Radius of the disc (ball) over which the tip's force is spread",
+        "length",
+        default=1.27e-3,
+        low=0.0,
+    )
+    tip: str = knob(
+        "As thick as its radius, or a needle without thickness, which never converges",
+        default="disc",
+        choices=("disc", "point"),
+    )
+    cutting_force: float = knob("Axial force at which the tip cuts", "cutting force", low=0.0)
+    shaft_friction: float = knob(
+        "Friction limit per unit length of the cut path", "shaft friction", low=0.0, closed=True
+    )
+    lateral_stiffness: float = knob(
+        "Stiffness that holds the cut path on the axis, per unit of its length",
+        "lateral stiffness",
+        default=1e9,
+        low=0.0,
+    )
+    static_friction: float = knob(
+        "Friction limit of what sticks, over that of what slips", default=1.0, low=1.0, closed=True
+    )
+    weakening_length: float = knob(
+        "Slip over which friction falls from static to kinetic",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    stick_stiffness: float = knob(
+        "Stiffness of sticking along the needle, per unit of its length; 0: rigid, or chosen where "
+        "the mesh can't tell apart what sticks",
+        "lateral stiffness",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Stage(Validated):
+    """A part of the needle's motion: to a depth, or at rest for a time."""
+
+    TABLE = "motion.stages"
+
+    to: float | None = knob("Depth at its end", "length", default=None)
+    speed: float | None = knob(
+        "Speed, where it differs from the motion's", "speed", default=None, low=0.0
+    )
+    hold: float | None = knob("How long the needle rests", "time", default=None, low=0.0)
+    release: str | None = knob("What the tip lets go of at its end, by a name", default=None)
+    train: int | None = knob(
+        "How many seeds are laid while retracting, the first where it starts",
+        default=None,
+        low=1.0,
+        closed=True,
+    )
+    pitch: float | None = knob("Distance of seeds in a train", "length", default=None, low=0.0)
+
+    def check(self) -> None:
+        """See `Validated`."""
+        key = self.TABLE
+        if (self.to is None) == (self.hold is None):
+            raise CaseError(key, "needs either 'to' or 'hold'", "give a depth or a duration")
+        for name in ("speed", "train", "pitch") if self.hold is not None else ():
+            if getattr(self, name) is not None:
+                raise CaseError(f"{key}.{name}", "the needle rests in this stage", "leave it out")
+        if self.pitch is not None and self.train is None:
+            raise CaseError(f"{key}.pitch", "is not used without 'train'", "give both or none")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Motion(Validated):
+    """A straight insertion at constant speed, or what stages or a table say."""
+
+    TABLE = "motion"
+
+    direction: Coordinates = knob("Direction of insertion")
+    entry: Coordinates = knob(
+        "Point of the skin; where the line through the target meets it when left out",
+        "length",
+        default=(),
+    )
+    max_depth: float = knob("Largest feasible depth of the tip", "length", low=0.0)
+    speed: float = knob("Speed of insertion", "speed", default=5e-3, low=0.0)
+    stages: tuple[Stage, ...] = knob(
+        "Insert, hold, retract: one table for each; one insertion when left out", default=()
+    )
+    times: Coordinates = knob("Times of a table, instead of stages", "time", default=())
+    depths: Coordinates = knob("Depths at these times", "length", default=())
+
+    def check(self) -> None:
+        """See `Validated`; the direction is made a unit vector."""
+        object.__setattr__(self, "direction", unit(self.direction, "motion.direction"))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Planning(Validated):
+    """How release points are searched."""
+
+    TABLE = "planning"
+
+    height_range: tuple[float, float] = knob(
+        "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
+    )
+    directions: tuple[Coordinates, ...] = knob(
+        "Directions to try in turn where obstacles block the motion's own", default=()
+    )
+    search: str = knob(
+        "Root of the signed miss, golden section as in the paper, or a grid",
+        default="root",
+        choices=("root", "golden", "grid"),
+    )
+    tolerance: float = knob(
+        "Signed miss at which the root is accepted", "length", default=1e-8, low=0.0
+    )
+    golden_tolerance: float = knob(
+        "Width of the height interval at which golden section and grid end",
+        "length",
+        default=1e-4,
+        low=0.0,
+    )
+    max_insertions: int = knob("Most insertions of one search", default=40, low=1.0, closed=True)
+    estimate: bool = knob("Whether to estimate what the elements do to the placement", default=True)
+    accuracy: float = knob(
+        "Error of the placement that element, sizes and path spacing are chosen for; 0: the case's",
+        "length",
+        default=0.0,
+        low=0.0,
+        closed=True,
+    )
+    max_unknowns: int = knob(
+        "Most unknowns that are spent on an accuracy", default=100_000, low=1.0, closed=True
+    )
+
+    def check(self) -> None:
+        """See `Validated`."""
+        low, high = self.height_range
+        if low >= high:
+            problem = f"{low:g} to {high:g} m is empty"
+            raise CaseError("planning.height_range", problem, "swap the ends")
+        for direction in self.directions:
+            unit(direction, "planning.directions")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TargetDraw(Validated):
+    """Targets drawn uniformly inside a region, for statistics of the planner."""
+
+    TABLE = "targets"
+
+    region: str = knob("Region to draw in")
+    count: int = knob("How many targets", default=12, low=1.0, closed=True)
+    seed: int = knob("Seed of the random numbers", default=2003, low=0.0, closed=True)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Outputs(Validated):
+    """What is written."""
+
+    TABLE = "outputs"
+
+    folder: str = knob("Folder of the results, relative to the working directory", default="out")
+    pictures: tuple[str, ...] = knob(
+        "Pictures to draw: stages, depth, height", default=("stages", "depth", "height")
+    )
+    strain_limit: float = knob(
+        "Largest strain away from the tip that small strain is trusted with; the first line says "
+        "whether a result is beyond it",
+        default=0.3,
+        low=0.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Expectation(Validated):
+    """A value that a result must have, and where it comes from.
+
+    `value` is a number or a point (then `tolerance` bounds the distance); without a tolerance
+    it is an upper bound.
+    """
+
+    TABLE = "expect"
+
+    key: str
+    value: float | Coordinates
+    tolerance: float | None = knob(
+        "Largest difference; an upper bound when left out", default=None, low=0.0, closed=True
+    )
+    unit: str = ""
+    kind: str = ""
+    source: str = ""
+
+    def check(self) -> None:
+        """See `Validated`."""
+        if isinstance(self.value, tuple) and self.tolerance is None:
+            raise CaseError("expect.tolerance", "missing", "a point needs one: give a distance")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Scene(Shown, Validated):
+    """All that a case says. Points are in metres, in the order of `axes`."""
+
+    TABLE = ""
+
+    title: str
+    axes: tuple[str, ...]
+    mesh: BoxMesh | FileMesh
+    materials: Mapping[str, Material]
+    background: str
+    regions: Mapping[str, Region]
+    supports: Mapping[str, Support]
+    plane: str = knob("Plane strain or stress", default="strain", choices=("strain", "stress"))
+    obstacles: Mapping[str, Obstacle] = dataclasses.field(default_factory=dict)
+    damping: Rayleigh = dataclasses.field(default_factory=Rayleigh)
+    discretisation: Discretisation = dataclasses.field(default_factory=Discretisation)
+    needle: Needle
+    motion: Motion
+    target: Coordinates | None = knob("Point to hit", "length", default=None)
+    planning: Planning = Planning()
+    targets: TargetDraw | None = None
+    outputs: Outputs = Outputs()
+    limits: Limits = dataclasses.field(default_factory=Limits)
+    expect: tuple[Expectation, ...] = ()
+    frame: Frame | None = None
+    source: Path | None = None
+    overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Convert and check; messages name the keys of a case file."""
+        try:
+            super().__post_init__()
+        except CaseError as error:
+            key = KEYS.get(error.key, error.key)
+            raise CaseError(key, error.problem, error.remedy) from None
+
+    @property
+    def dim(self) -> int:
+        """Number of space dimensions."""
+        return len(self.axes)
+
+    @property
+    def contours(self) -> dict[str, Contour]:
+        """Contours of the regions that are no groups of a mesh file, in the case's order."""
+        return {n: region.contour for n, region in self.regions.items() if region.group is None}
+
+    def check(self) -> None:
+        """See `Validated`: names that must exist, and one number for each axis."""
+        if self.dim not in (2, 3) or len(set(self.axes)) != self.dim or not all(self.axes):
+            remedy = 'name two different axes, such as ["y", "z"]'
+            raise CaseError("axes", f"{list(self.axes)}", remedy)
+        for name, law in self.materials.items():
+            made(partial(validate, law, "material"), "material", f"materials.{name}")
+        self._check_names()
+        self._check_dimensions()
+
+    def _check_names(self) -> None:
+        used = {"tissue.background": self.background}
+        used |= {f"regions.{n}.material": region.material for n, region in self.regions.items()}
+        for key, name in used.items():
+            _known(key, "material", name, self.materials)
+        if self.targets is not None:
+            _known("targets.region", "region", self.targets.region, self.regions)
+        for n, obstacle in self.obstacles.items():
+            if obstacle.region is not None:
+                _known(f"obstacles.{n}.region", "region", obstacle.region, self.regions)
+        for n, support in self.supports.items():
+            for name in support.regions:
+                _known(f"supports.{n}.regions", "region", name, self.regions)
+            for axis in support.fixed:
+                _known(f"supports.{n}.fixed", "axis", axis, self.axes)
+
+    def _check_dimensions(self) -> None:
+        counts = {
+            "target.point": self.target,
+            "motion.direction": self.motion.direction,
+            "motion.entry": self.motion.entry or None,
+        }
+        if isinstance(self.mesh, BoxMesh):
+            counts["mesh.size"] = self.mesh.size
+        for direction in self.planning.directions:
+            counts["planning.directions"] = direction
+            if len(direction) != self.dim:
+                break
+        for key, values in counts.items():
+            if values is not None and len(values) != self.dim:
+                remedy = f"give {self.dim}, one for each axis"
+                raise CaseError(key, f"{len(values)} numbers", remedy)
+
+
+def point_of(raw: Any, dim: int, key: str) -> Coordinates:
+    """Return a point of a scene, m, from an array, a list or a tuple.
+
+    Raises
+    ------
+    CaseError
+        Not `dim` finite numbers.
+    """
+    found: Coordinates = converted(Coordinates, raw, _POINT, key)
+    if len(found) != dim:
+        raise CaseError(key, f"{len(found)} numbers", f"give {dim}, one for each axis")
+    return found
+
+
+_POINT = Knob("A point", "length")
+
+
+def unit(direction: Coordinates, key: str) -> Coordinates:
+    """Return a direction as a unit vector, unchanged where it is one to round-off.
+
+    Raises
+    ------
+    CaseError
+        It has less than two components, or all are zero.
+    """
+    largest = max((abs(x) for x in direction), default=0.0)
+    if len(direction) < 2 or not largest > 0.0:
+        raise CaseError(key, f"{list(direction)}", "give a number for each axis, not all zero")
+    if not 1e-100 < largest < 1e100:  # the square of a component would vanish
+        direction = tuple(x / largest for x in direction)
+    length = float(np.linalg.norm(direction))
+    if abs(length - 1.0) <= ROUND_OFF:
+        return direction
+    return tuple(x / length for x in direction)
+
+
+def _known(key: str, what: str, name: str, known: Iterable[str]) -> None:
+    if name not in known:
+        raise CaseError(key, f"no {what} {short(name)}", nearest(name, known))
+
+
+def _contour(raw: Any, key: str) -> Contour:
+    """Return corners as a contour; one that is a contour as it is.
+
+    Raises
+    ------
+    CaseError
+        Not finite numbers, two for each corner.
+    """
+    try:
+        found = raw if isinstance(raw, Contour) else Contour(raw)
+        shape = found.points.shape
+        fits = len(shape) == 2 and shape[1] == 2 and bool(np.isfinite(found.points).all())
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise CaseError(key, f"{short(raw)} is no contour", "give corners, shape (n, 2), m")
+    return found

@@ -1,0 +1,112 @@
+"""Whether an accuracy that is asked for is had, and whether the estimate is near the truth.
+
+Targets are planned with `planning.accuracy`; every plan is carried out on a discretisation taken
+as exact. The error there is to be below what was asked for, and the estimate within a factor
+five of it.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem._arrays import Vector
+from needlefem._table import Table
+from needlefem.errors import CaseError
+from needlefem.planning.plan import plan
+from needlefem.planning.reference_solution import placed_on, reference, true_error
+from needlefem.planning.result import Attempt
+from needlefem.scene import Scene, vary
+from needlefem.studies.targets import draw_targets
+
+COUNT = 20
+REQUESTS = (1e-4, 2e-5)
+"""Accuracies asked for, m."""
+FACTOR = 5.0
+"""Within which the estimate is to be of the true error."""
+AGREE = 0.2 * min(REQUESTS)
+"""Distance at which two exact discretisations may place the same release, m."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return a table of what is taken as exact, and one of targets for each accuracy."""
+    del other
+    return [agreement(scene), *requests(scene)]
+
+
+def agreement(scene: Scene) -> Table:
+    """Return where the case's own plan places on discretisations taken as exact."""
+    if scene.target is None:
+        raise CaseError("target.point", "missing", "the study needs a target")
+    found, places, rows = plan(scene), [], list[list[object]]()
+    for cells in ("triangle", "quadrilateral"):
+        exact = reference(scene, found.target, cells)
+        placed = placed_on(exact, found)
+        if placed is not None:
+            places.append(placed)
+            off = 1e3 * (placed - found.target)
+            name, unknowns = exact.model.element.name, len(exact.model.free_dofs)
+            rows.append([name, unknowns, *off.tolist(), float(np.linalg.norm(off))])
+    apart = float(np.linalg.norm(places[0] - places[-1])) if len(places) > 1 else np.inf
+    return Table(
+        title="the case's own plan on discretisations taken as exact",
+        columns=("element", "unknowns", *(f"off in {a} (mm)" for a in scene.axes), "error (mm)"),
+        rows=rows,
+        passed=apart <= AGREE,
+        note=f"they differ by {1e3 * apart:.2g} mm (at most {1e3 * AGREE:g} mm)",
+    )
+
+
+def requests(
+    scene: Scene, accuracies: tuple[float, ...] = REQUESTS, count: int = COUNT
+) -> list[Table]:
+    """Return for each accuracy what was chosen, the estimate and the true error, by target."""
+    wanted = scene.targets and dataclasses.replace(scene.targets, count=count)
+    targets = draw_targets(dataclasses.replace(scene, targets=wanted))
+    rows = [planned(scene, target, accuracies) for target in targets]
+    return [
+        _table(scene, accuracy, list(found))
+        for accuracy, found in zip(accuracies, zip(*rows, strict=True), strict=True)
+    ]
+
+
+def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list[list[object]]:
+    """Return the rows of a target, one for each accuracy."""
+    exact = reference(scene, target)
+    errors: dict[bytes, float] = {}
+    rows: list[list[object]] = []
+    for accuracy in accuracies:
+        found = plan(vary(scene, {"planning.accuracy": accuracy}), target)
+        evidence, place = found.evidence, [float(100.0 * x) for x in target]
+        if evidence is None or evidence.estimate is None or not evidence.trail or not found.best:
+            rows.append([*place, *[""] * 7, str(found.status), False, False])
+            continue
+        release = found.best.release_point.tobytes()  # the same plan may do for two accuracies
+        if release not in errors:
+            errors[release] = true_error(exact, found)
+        said, error = evidence.estimate.error, errors[release]
+        cells = [len(evidence.trail), 1e3 * said, 1e3 * error, said / error, str(found.status)]
+        met, near = error <= accuracy, error / FACTOR <= said <= FACTOR * error
+        rows.append([*place, *_chosen(evidence.trail[-1]), *cells, met, near])
+    return rows
+
+
+def _chosen(last: Attempt) -> list[object]:
+    sizes = (last.corridor, last.contour, last.bulk, last.path)
+    return [last.element, "/".join(f"{1e3 * size:.3g}" for size in sizes), last.unknowns]
+
+
+def _table(scene: Scene, accuracy: float, rows: list[list[object]]) -> Table:
+    met, near = (sum(bool(row[place]) for row in rows) for place in (-2, -1))
+    return Table(
+        title=f"accuracy = {1e3 * accuracy:g} mm",
+        columns=(
+            *(f"{axis} (cm)" for axis in scene.axes), "element", "sizes (mm)", "unknowns", "tried",
+            "estimate (mm)", "error (mm)", "ratio", "status", "below", "near",
+        ),
+        rows=rows,
+        passed=met == near == len(rows),
+        note=f"error below the accuracy in {met} of {len(rows)}, estimate within a factor "
+        f"{FACTOR:g} of it in {near} of {len(rows)}; sizes: along the needle, at contours, "
+        "elsewhere, of the path's pieces",
+        summary={f"met_{1e3 * accuracy:g}": met, f"near_{1e3 * accuracy:g}": near},
+    )  # fmt: skip

@@ -1,0 +1,57 @@
+"""Whether the plan depends on numbers of the method.
+
+A plan made with the case's own numbers is carried out with others. Where the seed then ends may
+move by 0.02 mm at the most for each of them: mesh, path spacing, lateral hold, quadrature.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.scene import BoxMesh, Refinement, Scene, contour_sizes, vary
+from needlefem.scene.resolve import resolve
+from needlefem.studies.common import carry_out, planner_of
+
+BOUND = 2e-5
+"""Largest move of the seed, m."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return the moves of the seed for all variations."""
+    del other
+    plan = planner_of(scene).plan()
+    rows = []
+    for name, changes in variations(resolve(scene).scene).items():
+        reach = carry_out(vary(scene, changes), plan)
+        moved = np.inf if reach is None else float(np.linalg.norm(reach.point - plan.target))
+        rows.append([name, 100.0 * moved, moved <= BOUND])
+    return [
+        Table(
+            title="seed of the case's own plan, carried out with other numbers of the method",
+            columns=("varied", "seed moves (cm)", "at most 0.002 cm"),
+            rows=rows,
+            passed=all(row[2] for row in rows),
+        )
+    ]
+
+
+def variations(scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the changes to a resolved scene, by name."""
+    spacing = scene.discretisation.path_spacing
+    hold, points = scene.needle.lateral_stiffness, scene.discretisation.kernel_points
+    found: dict[str, dict[str, Any]] = {"nothing": {}}
+    refine = scene.mesh.refine if isinstance(scene.mesh, BoxMesh) else Refinement()
+    if refine.corridor_size > 0.0:
+        found["elements x 1/2"] = {
+            "mesh.refine.corridor_size": 0.5 * refine.corridor_size,
+            **contour_sizes(scene, 0.5),
+            "discretisation.kernel_points": 4 * points,
+        }
+    for factor in (2.0, 0.5, 0.25):
+        found[f"path spacing x {factor:g}"] = {"discretisation.path_spacing": factor * spacing}
+    for factor in (0.1, 10.0, 100.0):
+        found[f"lateral hold x {factor:g}"] = {"needle.lateral_stiffness": factor * hold}
+    for factor in (2, 4):
+        found[f"kernel points x {factor}"] = {"discretisation.kernel_points": factor * points}
+    return found

@@ -1,0 +1,51 @@
+"""What a plan is worth where the tissue is not the model.
+
+A plan hits its own model to 1e-6 cm; that is no accuracy. Carried out on another discretisation
+or with other parameters it misses by what should be expected of it.
+"""
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.errors import SimulationError
+from needlefem.scene import Scene, field_of, vary
+from needlefem.studies.common import carry_out, planner_of
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return where the case's plan ends elsewhere."""
+    plan = planner_of(scene).plan()
+    if plan.best is None:
+        raise SimulationError(f"no plan to carry out: {plan.sentence}")
+    elsewhere = {"the case itself": scene} | perturbed(scene)
+    if other is not None:
+        elsewhere[f"on '{other.title}'"] = other
+    rows: list[list[object]] = []
+    for name, executed in elsewhere.items():
+        reach = carry_out(executed, plan)
+        if reach is None:
+            rows.append([name, "", "", "not reached"])
+            continue
+        miss = 100.0 * (reach.point - plan.target)
+        rows.append(
+            [name, *miss.tolist(), 100.0 * float(np.linalg.norm(reach.point - plan.target))]
+        )
+    return [
+        Table(
+            title="robust error: the case's plan, carried out elsewhere",
+            columns=("carried out", *(f"off in {a} (cm)" for a in scene.axes), "error (cm)"),
+            rows=rows,
+        )
+    ]
+
+
+def perturbed(scene: Scene) -> dict[str, Scene]:
+    """Return the scene with single parameters 10 % up and down."""
+    names = {f"stiffness of {n}": f"materials.{n}.youngs_modulus" for n in scene.materials}
+    names |= {"cutting force": "needle.cutting_force", "shaft friction": "needle.shaft_friction"}
+    found = {}
+    for name, path in names.items():
+        value = field_of(scene, path)
+        for sign, factor in (("+", 1.1), ("-", 0.9)):
+            found[f"{name} {sign}10 %"] = vary(scene, {path: factor * value})
+    return found

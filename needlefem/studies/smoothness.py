@@ -1,0 +1,56 @@
+"""Noise of the map from insertion height to signed miss and depth.
+
+Second differences over many heights close to each other: what is left is kinks where a contact
+point crosses an element edge. A search can't resolve what lies below the noise.
+"""
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.errors import SimulationError
+from needlefem.fem.compliance import SharedResponses
+from needlefem.scene import Scene
+from needlefem.studies.common import planner_of
+
+HEIGHTS = 200
+BOUNDS = {5e-8: 1e-8, 5e-6: 1e-6}
+"""Largest second difference (m) by the distance of the heights (m)."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return the largest second differences, at the planned height."""
+    del other
+    planner = planner_of(scene)
+    planner.simulation.responses = SharedResponses(planner.simulation.model)
+    start = planner.plan().solution.height
+    rows: list[list[object]] = []
+    for apart, bound in BOUNDS.items():
+        values = []
+        for number in range(HEIGHTS):
+            height = start + number * apart
+            reading = planner.read(height).level()
+            reach = reading.reach
+            if reach is None:
+                where = 100.0 * float(height[0])
+                raise SimulationError(f"at a height of {where:+.4g} cm, {reading.sentence}")
+            values.append(
+                [float((reach.point - planner.target) @ planner.laterals[0]), reach.depth]
+            )
+        second = np.abs(np.diff(np.array(values), 2, axis=0)).max(axis=0)
+        rows.append(
+            [
+                1e6 * apart,
+                100.0 * second[0],
+                100.0 * second[1],
+                100.0 * bound,
+                bool(second.max() <= bound),
+            ]
+        )
+    return [
+        Table(
+            title=f"largest second difference over {HEIGHTS} insertion heights",
+            columns=("heights apart (um)", "miss (cm)", "depth (cm)", "bound (cm)", "holds"),
+            rows=rows,
+            passed=all(bool(row[4]) for row in rows),
+        )
+    ]

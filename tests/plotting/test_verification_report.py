@@ -1,0 +1,128 @@
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from needlefem.checks.models import square_mesh
+from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape, run_problem
+from needlefem.elements import CATALOGUE
+from needlefem.errors import NoRendererError
+from needlefem.fem.boundary_value_problem import Statics
+from needlefem.materials import Isotropic
+from needlefem.plotting import verification_report as page
+from needlefem.plotting.svg_charts import Bar, Line, bars, loglog
+
+
+class Strict(HTMLParser):
+    """Counts open tags, and what would be fetched."""
+
+    VOID = ("meta", "img", "br")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stack: list[str] = []
+        self.fetched: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self.stack.append(tag)
+        for name, value in attrs:
+            if name in ("src", "href") and value and not value.startswith(("data:", "#")):
+                self.fetched.append(value)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in self.VOID:
+            assert self.stack.pop() == tag
+
+
+def made_up(*, failing: bool) -> Problem:
+    element = CATALOGUE["Q1"]
+    problem = Statics(
+        square_mesh(element, 3), element, Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
+    )
+    solved = problem.hold(None, lambda x: 0.1 * x).solve()
+    curve = Curve(
+        element="Q1",
+        quantity="L2",
+        sizes=(0.5, 0.25, 0.125),
+        dofs=(10, 40, 160),
+        seconds=(1e-3, 2e-3, 9e-3),
+        errors=(1e-1, 2.5e-2, 6e-3),
+        order=2.0,
+    )
+    answers = [
+        Answer(label="a < b", value=1.0, reference=2.0 if failing else 1.0, tolerance=1e-3),
+        Answer(label="locks", value=3.0, reference=1.0, at_least=True, recorded=False),
+    ]
+    findings = Findings(
+        answers=answers, curves=[curve], shapes=[Shape(title="moved", solution=solved)]
+    )
+    return Problem(
+        name="made up", requirement="r & q", reference="none", why="w", run=lambda _: findings
+    )
+
+
+def test_page_is_whole_and_says_what_it_must(tmp_path: Path) -> None:
+    report = run_problem(made_up(failing=False), {"made up: a < b": 1.0})
+    path = page.write_report(tmp_path, [report], quick=True)
+    text = path.read_text(encoding="utf-8")
+    parser = Strict()
+    parser.feed(text)
+    assert parser.stack == []
+    assert parser.fetched == []
+    for part in ("all met", "r &amp; q", "a &lt; b", "at least 1", "<svg", "data:image/png;base64"):
+        assert part in text
+    record = json.loads((tmp_path / "verification.json").read_text())
+    assert record["passed"]
+    (problem,) = record["problems"]
+    assert [a["reference_met"] for a in problem["answers"]] == [True, True]
+    assert problem["answers"][0]["record_met"] is True
+    assert problem["curves"][0]["observed"] == pytest.approx(np.log2(2.5e-2 / 6e-3))
+
+
+def test_failures_come_first_and_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(_: Shape) -> str:
+        raise NoRendererError("nothing draws here")
+
+    monkeypatch.setattr(page, "picture", none)
+    good, bad = (run_problem(made_up(failing=f), {"made up: a < b": 1.0}) for f in (False, True))
+    renamed = dataclasses.replace(good, problem=dataclasses.replace(good.problem, name="fine"))
+    text = page.html([renamed, bad], quick=False)
+    assert "1 failed" in text
+    assert text.index(">made up<") < text.index(">fine<")
+    assert "No picture: nothing draws here" in text
+    assert not page.record([good, bad], quick=False)["passed"]
+
+
+@pytest.mark.parametrize(
+    ("records", "verdict"),
+    [({}, False), ({"made up: a < b": 1.0 + 1e-6}, False), ({"made up: a < b": 1.0 + 1e-9}, True)],
+)
+def test_own_record_is_held_to_1e_8(records: dict[str, float], verdict: bool) -> None:
+    first = run_problem(made_up(failing=False), records).verdicts[0]
+    assert first.answer.passed
+    assert first.record is verdict
+    assert first.passed is verdict
+
+
+def test_exact_answers_have_no_place_on_logarithmic_axes() -> None:
+    exact = Line("exact", (10, 20), (0.0, 0.0))
+    assert loglog("t", "x", "y", [exact]) == ""
+    assert "exact" not in loglog("t", "x", "y", [exact, Line("other", (10, 20), (1e-2, 1e-3))])
+
+
+def test_bars_are_as_long_as_their_logarithms() -> None:
+    drawn = bars(
+        "t", "ms", [Bar("one", 1.0), Bar("ten", 10.0, 5.0, 20.0, series=1), Bar("no", 0.0)]
+    )
+    widths = [float(w) for w in re.findall(r'<rect [^>]*width="([\d.]+)"', drawn)]
+    assert len(widths) == 2
+    per_decade = 290.0 / 3.0  # from 0.1 to 100
+    assert widths == pytest.approx([per_decade, 2.0 * per_decade], abs=0.1)
+    assert drawn.count('stroke="#000000"') == 1  # whiskers of the one with a spread
+    assert ">no<" not in drawn
+    assert bars("t", "ms", [Bar("no", 0.0)]) == ""

@@ -1,0 +1,1 @@
+"""Reference problems, studies and benchmarks that prove this package."""

@@ -1,0 +1,10 @@
+"""Which element is worth its time: error against seconds in static and modal problems."""
+
+from needlefem._table import Table
+from needlefem.checks.work_precision import ELEMENTS
+from verification.benchmarks.races import table_of
+
+
+def run(folder: str) -> Table:
+    """Race all elements through the reference problems of a folder."""
+    return table_of(ELEMENTS, folder)

@@ -1,0 +1,87 @@
+"""What a state of a needle in motion costs: marched in, stepped in, turned back and in again."""
+
+import functools
+from collections.abc import Callable
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.bench.insertion import PAPER
+from needlefem.bench.timing import in_turn, median
+from needlefem.casefile.load import load_case
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import State
+from needlefem.plotting.svg_charts import Bar, bars
+from needlefem.scene import Stage, vary
+from needlefem.scene.resolve import tip_element_size
+
+ROUNDS = 5
+TURNS = 4
+"""Times that the needle turns back and comes again."""
+SHARE = (0.7, 0.5)
+"""Of the largest depth: how far in, and how far back."""
+TURNED = "marched in, then turned back and in again"
+MOST = 12.0
+"""Back-substitutions of its own model that a state which sticks and slips may take."""
+
+
+def run(case: str) -> Table:
+    """Time a march, the same insertion stepped, and turns at depth, responses known."""
+    scene = load_case(case)
+    spacing = max(scene.discretisation.path_spacing, tip_element_size(scene) or 0.0)
+    deep, back = (share * scene.motion.max_depth for share in SHARE)
+    plain = vary(scene, {"discretisation.path_spacing": spacing, "motion.max_depth": deep})
+    turns = (Stage(to=deep), *(Stage(to=back), Stage(to=deep)) * TURNS)
+    motions = {
+        "marched in": plain,
+        "stepped in": vary(plain, {"discretisation.integrator": "quasi-static"}),
+        TURNED: vary(plain, {"motion.stages": turns}),
+    }
+    ready = {name: Simulation(motion) for name, motion in motions.items()}
+    found = {name: move(simulation) for name, simulation in ready.items()}
+    model = next(iter(ready.values())).model
+    rhs = np.ones(len(model.free_dofs))
+    tasks: dict[str, Callable[[], object]] = {
+        name: functools.partial(move, simulation) for name, simulation in ready.items()
+    }
+    tasks["back-substitution"] = lambda: model.factor.solve(rhs)
+    seconds = {name: median(values) for name, values in in_turn(tasks, ROUNDS).items()}
+    unit = seconds["back-substitution"]
+    rows = [_row(name, found[name], seconds[name], unit) for name in motions]
+    dearest = seconds[TURNED] / len(found[TURNED].states) / unit
+    return Table(
+        title=f"{scene.title}: {model.ndofs} dofs, medians of {ROUNDS} rounds",
+        columns=("motion", "states", "evaluations", "sticking and slipping", "ms a state",
+                 "back-substitutions a state"),
+        rows=rows,
+        charts={
+            scene.title: bars("a state of a needle in motion", "milliseconds", [
+                Bar(name, 1e3 * seconds[name] / len(found[name].states)) for name in motions
+            ])
+        },
+        passed=model.ndofs > PAPER or dearest <= MOST,
+        note=f"pieces of {1e3 * spacing:.2g} mm, responses known; sticking and slipping: states in "
+        f"which pieces do both, of which one may take {MOST:g} back-substitutions at the size of "
+        f"the paper; a back-substitution takes {1e3 * unit:.3g} ms",
+    )  # fmt: skip
+
+
+def move(simulation: Simulation) -> Insertion:
+    """Run the scene's motion, as if it were the first."""
+    simulation.forget()
+    return simulation.move(simulation.entry_of_case())
+
+
+def _row(name: str, found: Insertion, seconds: float, unit: float) -> list[object]:
+    count = len(found.states)
+    mixed = sum(_mixed(state) for state in found.states)
+    each = seconds / count
+    return [name, count, found.evaluations, mixed, 1e3 * each, round(each / unit, 1)]
+
+
+def _mixed(state: State) -> bool:
+    """Say whether some pieces stick and others slip."""
+    if state.slipping is None:
+        return False
+    return len(set(np.abs(state.slipping[1:]).tolist())) == 2

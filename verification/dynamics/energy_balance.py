@@ -1,0 +1,121 @@
+"""D6: the energy of forced motion is accounted for, with viscous damping and with dry friction."""
+
+import numpy as np
+
+from needlefem.checks.modal import eigenfrequencies
+from needlefem.checks.models import rectangle
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.dynamics import (
+    HHT,
+    CentralDifference,
+    Damping,
+    EnergyLedger,
+    GeneralizedAlpha,
+    Integrator,
+    MatrixSystem,
+    Newmark,
+    TissueSystem,
+    critical_step,
+)
+from needlefem.elements import CATALOGUE
+from needlefem.materials import Isotropic
+
+INTEGRATORS: dict[str, Integrator] = {
+    "Newmark": Newmark(),
+    "HHT -0.1": HHT(alpha=-0.1),
+    "generalised-alpha 0.8": GeneralizedAlpha(rho_inf=0.8),
+    "central difference": CentralDifference(),
+}
+
+
+def forced(name: str, lumping: str | None, integrator: Integrator, share: float) -> EnergyLedger:
+    """Return the ledger of 500 steps of a share of the longest period under a moving load.
+
+    The step of an explicit integrator is 0.9 of its limit.
+    """
+    law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
+    model = rectangle(CATALOGUE[name], law, 4)
+    first = eigenfrequencies(model, 1)[0]
+    step = share * 2.0 * np.pi / first
+    damped = isinstance(integrator, CentralDifference) or share < 0.1
+    damping = Damping(mass_rate=0.1 * first) if damped else None
+    system = TissueSystem(model, damping, lumping)
+    if isinstance(integrator, CentralDifference):
+        step = 0.9 * critical_step(system)
+    stepper = integrator.stepper(system, step)
+    force = np.sin(np.arange(system.size))
+    ledger, motion = EnergyLedger(stepper), stepper.start(0.0 * force, 0.0 * force)
+    for number in range(500):
+        before, after = (np.sin(0.7 * first * step * n) * force for n in (number, number + 1))
+        old, motion = motion, stepper.advance_under(motion, before, after)
+        ledger.add(old, motion, before, after)
+    return ledger
+
+
+def with_friction(steps: int, *, mean: bool) -> float:
+    """Return what is missing, over the work, for a mass that is pushed on a rough floor.
+
+    Friction is found at every step's end: as much as stops the mass, up to its limit. What it
+    takes is its force at the step's end times the slip, or the mean of both ends' forces.
+    """
+    one, limit, step = np.ones((1, 1)), 0.4, 20.0 / steps
+    stepper = Newmark().stepper(MatrixSystem(one, one), step)
+    motion, friction = stepper.at_rest(), np.zeros(1)
+    taken = work = 0.0
+    gentle = stepper.factor.solve(np.ones(1))[0]
+    rate = 2.0 * gentle / step  # velocity at the step's end by a unit force
+    for number in range(1, steps + 1):
+        before, after = (np.array([np.sin(0.9 * step * n)]) for n in (number - 1, number))
+        free = stepper.advance(motion, stepper.free_motion(motion, after))
+        found = np.clip(-free.v / rate, -limit, limit)
+        new = stepper.advance(motion, free.u + gentle * found)
+        moved = float(new.u[0] - motion.u[0])
+        work += 0.5 * float(before[0] + after[0]) * moved
+        taken -= float(0.5 * (friction + found)[0] if mean else found[0]) * moved
+        motion, friction = new, found
+    energy = 0.5 * float(motion.u[0] ** 2 + motion.v[0] ** 2)
+    return abs(work - taken - energy) / abs(work)
+
+
+def run(quick: bool) -> Findings:
+    """Close the ledgers."""
+    answers = []
+    for name, element in CATALOGUE.items():
+        for lumping in (None, *element.lumpings):
+            if quick and (lumping or name not in ("P1", "P2", "P2-P1")):
+                continue
+            mass = f"{lumping or 'consistent'} mass"
+            for share in (0.05, 1.0):
+                ledger = forced(name, lumping, Newmark(), share)
+                label = f"{name}, {mass}, Newmark, step {share:g} T: not accounted for"
+                missing = abs(ledger.algorithmic) / ledger.turnover + ledger.residual
+                answers.append(Answer(label=label, value=missing, tolerance=1e-12, recorded=False))
+    for name, integrator in INTEGRATORS.items():
+        ledger = forced("Q1", "row-sum", integrator, 0.05)
+        label = f"{name}, lumped mass, damped: residual"
+        answers.append(Answer(label=label, value=ledger.residual, tolerance=1e-12, recorded=False))
+        answers.append(Answer(label=f"{name}: share taken by the integrator", tolerance=2e-2,
+                              value=abs(ledger.algorithmic / ledger.damping)))  # fmt: skip
+    missing = with_friction(4000, mean=True)
+    answers.append(Answer(label="friction, mean force: missing", value=missing, tolerance=1e-10,
+                          recorded=False))  # fmt: skip
+    if quick:
+        return Findings(answers=answers)
+    coarse, fine = (with_friction(n, mean=False) for n in (2000, 16000))
+    answers += [
+        Answer(label="friction, force at the end, 16000 steps: missing", value=fine,
+               tolerance=1e-6),
+        Answer(label="friction, force at the end: falls by, at 8 times the steps",
+               value=coarse / fine, reference=50.0, at_least=True, recorded=False),
+    ]  # fmt: skip
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="energy balance",
+    requirement="The work of all forces is what motion, strain, damping and friction took.",
+    reference="exact: first law, discrete for average acceleration with mean forces "
+    "(T. Belytschko, D. F. Schoeberle 1975)",
+    why="round-off; friction taken at the step's end leaves an error that falls with the step",
+    run=run,
+)

@@ -1,0 +1,82 @@
+"""F11: forces along the shaft are forces, not noise, whatever the mesh."""
+
+import numpy as np
+
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.insertion.simulation import Simulation, simulate
+from needlefem.insertion.state import State
+from needlefem.insertion.sticking import STICK_CONDITION
+from needlefem.scene import Scene, Stage, vary
+from verification.support.organ_in_gel import SIZE, organ_in_gel
+
+DEPTH, BACK = 0.03, 0.5e-3
+"""How far in, and how far back then, m."""
+DIVISIONS = (15, 30, 60)
+"""Of the square's sides."""
+
+
+def scene(element: str, divisions: int, share: float) -> Scene:
+    """Return a needle that goes in and a little back, with pieces of a share of an element."""
+    stages = Stage(to=DEPTH), Stage(to=DEPTH - BACK)
+    return organ_in_gel(
+        element, divisions, share * SIZE / divisions, max_depth=DEPTH, stages=stages
+    )
+
+
+def roughness(forces: np.ndarray) -> float:
+    """Return the part of forces that alternates: 1 for noise from piece to piece."""
+    return float(np.linalg.norm(np.diff(forces, 2)) / (4.0 * np.linalg.norm(forces)))
+
+
+def of_shaft(state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Return lateral forces and friction of whole pieces."""
+    return state.lateral[1 : state.whole, 0], state.axial[1 : state.whole]
+
+
+def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]) -> list[Answer]:
+    """Compare the roughness on the finest mesh with that on the coarsest."""
+    rough = []
+    for divisions in counts:
+        changes = {"needle.stick_stiffness": stiffness}
+        found = simulate(vary(scene(element, divisions, share), changes))
+        deepest = found.states[int(np.argmax(found.depths))]
+        forces = of_shaft(deepest)[0], of_shaft(found.states[-1])[1]
+        rough.append([roughness(force) for force in forces])
+    give = f", sticking of {stiffness:g} N/m^3" if stiffness else ""
+    label = f"{element}, {counts[0]} to {counts[-1]} squares, pieces of {share:g} elements{give}"
+    return [
+        Answer(label=f"{label}: roughness of {name}, finest over coarsest", value=fine / coarse,
+               tolerance=1.0)
+        for name, coarse, fine in zip(("lateral forces", "friction"), *rough[:: len(rough) - 1],
+                                      strict=True)
+    ]  # fmt: skip
+
+
+def refused(element: str, share: float) -> Answer:
+    """Say that pieces much shorter than the distance of nodes are not held rigidly."""
+    simulation = Simulation(scene(element, 30, share))
+    found = simulation.sticking(simulation.entry_of_case())
+    regular = found.condition <= STICK_CONDITION and found.stiffness > 0.0
+    return Answer(label=f"{element}, pieces of {share:g} elements: condition over its bound",
+                  value=min(found.rigid_condition / STICK_CONDITION, 1e6) if regular else 0.0,
+                  reference=1.0, at_least=True, recorded=False)  # fmt: skip
+
+
+def run(quick: bool) -> Findings:
+    """Halve, and shorten."""
+    answers = [refused("P1", 0.125), refused("P2", 0.08)]
+    if quick:
+        return Findings(answers=answers)
+    answers += halved("P1", 1.0, 0.0, DIVISIONS) + halved("P2", 1.0, 0.0, DIVISIONS)
+    answers += halved("P1", 0.5, 1e9, DIVISIONS) + halved("P2", 0.5, 1e9, DIVISIONS)
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="shaft multipliers",
+    requirement="Forces along the shaft grow no rougher when elements and pieces are halved "
+    "together; pieces that would make them noise are held by a penalty.",
+    reference="property; a stable pair of displacement and contact forces",
+    why="noise grows with every halving; what is there in the tissue gets smoother",
+    run=run,
+)

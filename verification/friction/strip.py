@@ -1,0 +1,130 @@
+"""F5: a shaft along a clamped strip, where it lies in the elements, and friction that weakens."""
+
+import numpy as np
+
+from needlefem.checks.models import rectangle
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.contact.friction import Friction
+from needlefem.elements import CATALOGUE
+from needlefem.materials import Isotropic
+from needlefem.scene import Support
+from verification.support.embedded_shaft import LyingNeedle
+
+HALF, LENGTH, SHEAR, LIMIT = 0.03, 0.02, 5e3, 40.0
+"""Half the strip's width, its length, m; shear modulus, Pa; friction per length, N/m."""
+GIVE = LIMIT * HALF / (2.0 * SHEAR)
+"""Displacement of a shaft in the middle under all its friction, m."""
+SUPPORTS = {
+    "walls": Support(faces=("y_min", "y_max")),
+    "ends": Support(faces=("z_min", "z_max"), fixed=("y",)),
+}
+
+
+def strip(element: str, across: int, height: float, **shaft: object) -> LyingNeedle:
+    """Return a needle along a strip of some elements across, at a height from the middle."""
+    row = CATALOGUE[element]
+    law = Isotropic(youngs_modulus=2.6 * SHEAR, poissons_ratio=0.3)
+    model = rectangle(row, law, across, (2.0 * HALF, LENGTH), SUPPORTS)
+    at = HALF + height
+    ends = np.array([at, 0.0]), np.array([at, LENGTH])
+    return LyingNeedle(model, ends, across, LIMIT, **shaft)  # type: ignore[arg-type]
+
+
+def stiffer(element: str, across: int, height: float) -> float:
+    """Return the exact relative error of the give of a line inside elements."""
+    size = 2.0 * HALF / across
+    xi = (HALF + height) / size % 1.0
+    s = xi * (1.0 - xi)
+    shape = s - 3.0 * s**2 if CATALOGUE[element].degree == 2 else s
+    return -2.0 * HALF * size * shape / (HALF**2 - height**2)
+
+
+def gives(element: str, across: int, height: float, **shaft: object) -> float:
+    """Return how far the tissue gives over what the closed form says, minus one."""
+    needle = strip(element, across, height, **shaft)
+    force = needle.move(10.0 * GIVE)
+    give = float(needle.moved.mean())
+    exact = force / LENGTH * (HALF**2 - height**2) / (2.0 * HALF * SHEAR)
+    return give / exact - 1.0
+
+
+def sliding() -> list[Answer]:
+    """Stick, slide, and where the work goes."""
+    needle, goal, work = strip("Q2", 8, 0.0), 2.5 * GIVE, 0.0
+    stuck = needle.move(0.5 * GIVE)
+    for travel in np.linspace(0.5 * GIVE, goal, 41)[1:]:
+        before, force = needle.pull.sum(), needle.move(float(travel))
+        work += 0.5 * (before + force) * (goal - 0.5 * GIVE) / 40
+    return [
+        Answer(label="sticking force", value=stuck, reference=0.5 * LIMIT * LENGTH,
+               tolerance=1e-10),
+        Answer(label="plateau", value=force, reference=LIMIT * LENGTH, tolerance=1e-12),
+        Answer(label="stored", value=needle.strain_energy, reference=0.5 * LIMIT * GIVE * LENGTH,
+               tolerance=1e-10),
+        Answer(label="dissipated", value=needle.dissipated,
+               reference=LIMIT * LENGTH * (goal - GIVE), tolerance=1e-10),
+    ]  # fmt: skip
+
+
+def weakened(travel: float, ratio: float, length: float) -> float:
+    """Return the exact force of a shaft pulled in one go, N/m, with linear weakening."""
+    stiffness, top = LIMIT / GIVE, ratio * LIMIT
+    fall = (top - LIMIT) / length
+    force = stiffness * travel
+    if force <= top:
+        return force
+    slip = (force - top) / (stiffness - fall) if stiffness > fall else np.inf
+    return top - fall * slip if slip <= length else LIMIT
+
+
+def weakening() -> list[Answer]:
+    """Let static friction of 1.5 times the kinetic one fall over slip, gently and at once."""
+    answers = []
+    for name, length in (("gentle", 2.0 * GIVE), ("sudden", 0.2 * GIVE)):
+        needle = strip("Q2", 8, 0.0, friction=Friction(ratio=1.5, length=length))
+        travel, back = np.linspace(0.0, 4.0, 33)[1:] * GIVE, 0.0
+        forces = np.array([needle.move(float(at)) for at in travel]) / LENGTH
+        exact = np.array([weakened(float(at), 1.5, length) for at in travel])
+        apart = float(np.max(np.abs(forces - exact))) / LIMIT
+        answers.append(
+            Answer(label=f"{name} weakening: force off", value=apart, tolerance=1e-9,
+                   recorded=False)
+        )  # fmt: skip
+        back = needle.travel - 1.1 * GIVE - needle.pull.sum() / LENGTH * GIVE / LIMIT
+        healed = needle.move(float(back))
+        answers.append(
+            Answer(label=f"{name} weakening: force after turning back", value=healed / LENGTH,
+                   reference=-1.1 * LIMIT, tolerance=1e-9)
+        )  # fmt: skip
+    return answers
+
+
+def run(quick: bool) -> Findings:
+    """Compare give, friction, energy, and the error of a line that lies inside elements."""
+    answers = sliding() + weakening()
+    for element in ("P1", "P2", "Q1", "Q2"):
+        label = f"{element}: give of a line on the mesh, off"
+        answers.append(
+            Answer(label=label, value=gives(element, 8, 0.0), tolerance=1e-10, recorded=False)
+        )
+        if element.startswith("P"):
+            continue  # a slanted edge crosses the line: the closed form is that of the square
+        for across in (9, 17) if quick else (9, 17, 33):
+            for height in (0.0, 0.44 * 2.0 * HALF / across):
+                label = f"{element}, {across} across, height {height / HALF:.4f}: give off"
+                exact = stiffer(element, across, height)
+                value = gives(element, across, height)
+                answers.append(
+                    Answer(label=label, value=value, reference=exact, tolerance=1e-6)
+                )  # fmt: skip
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="shaft in a strip",
+    requirement="A shaft sticks, slides and weakens as an elastic slider does; a line inside "
+    "elements is too stiff by what theory says.",
+    reference="exact: shear between a line load and clamped walls; the elements' own error",
+    why="round-off; the discrete solution is known exactly",
+    run=run,
+)

@@ -1,0 +1,149 @@
+"""F7 and the ledger: a needle in a uniform layer, pushed in and drawn out, soft and stiff."""
+
+import numpy as np
+
+from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
+from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.simulation import simulate
+from needlefem.materials import Isotropic
+from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Stage, Support, vary
+
+DEPTH, CUTTING, FRICTION, MODULUS = 0.03, 50.0, 10e3, 30e3
+"""Depth, m; cutting force, N/m; friction, Pa; Young's modulus, Pa."""
+STIFFER = (8, 64, 512)
+PLACES = {
+    "along a mesh line": (0.027, (0.0, 1.0)),
+    "through cells": (0.0287, (0.0, 1.0)),
+    "through vertices, obliquely": (0.018, (5.0**-0.5, 2.0 * 5.0**-0.5)),
+}
+"""Where the needle enters, m, and its direction."""
+
+
+def layer(element: str, entry: float = 0.0287) -> Scene:
+    """Return a uniform square that a needle enters, and leaves again."""
+    return Scene(
+        title="uniform layer",
+        axes=("y", "z"),
+        mesh=BoxMesh(size=(0.06, 0.06), divisions=(20, 20)),
+        materials={"gel": Isotropic(youngs_modulus=MODULUS, poissons_ratio=0.45)},
+        background="gel",
+        regions={},
+        supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
+        discretisation=Discretisation(element=element, path_spacing=1e-3),
+        needle=Needle(tip_radius=2e-3, cutting_force=CUTTING, shaft_friction=FRICTION),
+        motion=Motion(
+            direction=(0.0, 1.0),
+            entry=(entry, 0.0),
+            max_depth=DEPTH,
+            stages=(Stage(to=DEPTH), Stage(to=-1e-3)),
+        ),
+    )
+
+
+def pushed(element: str) -> list[Answer]:
+    """Compare the march's and the steps' force with cutting force plus friction times path."""
+    answers = []
+    for way in ("march", "quasi-static"):
+        changes = {"discretisation.integrator": way, "motion.stages": ()}
+        insertion = simulate(vary(layer(element), changes))
+        steps = np.linalg.norm(np.diff(insertion.tips, axis=0), axis=1)
+        length = np.sum(steps) if way == "march" else insertion.states[-1].covered
+        exact = CUTTING + FRICTION * float(length)
+        label = element if way == "march" else f"{element}, stepped"
+        energies, force = ledger(insertion), insertion.states[-1].force
+        answers += [
+            Answer(label=f"{label}: force", value=force, reference=exact, tolerance=1e-10),
+            Answer(label=f"{label}: strain identity", value=energies.identity, tolerance=1e-10,
+                   recorded=False),
+            Answer(label=f"{label}: ledger", value=energies.residual, tolerance=1e-6,
+                   recorded=False),
+        ]  # fmt: skip
+        if way == "march":
+            rough = ledger(insertion, trapezoidal=True).residual
+            label = f"{element}: ledger, trapezoidal"
+            answers.append(Answer(label=label, value=rough, tolerance=2e-2))
+    return answers
+
+
+def cycle(element: str, stiffer: float) -> dict[str, float]:
+    """Return how far a cycle in stiffer tissue is off that in rigid tissue, by quantity."""
+    law = Isotropic(youngs_modulus=stiffer * MODULUS, poissons_ratio=0.45)
+    found = simulate(vary(layer(element), {"materials": {"gel": law}}))
+    states, energies = found.states, ledger(found)
+    deepest = int(np.argmax(found.depths))
+    work = _work(found, deepest)
+    half = states[deepest + int(np.argmin(np.abs(found.depths[deepest:] - 0.5 * DEPTH)))]
+    lost = energies.friction + energies.cutting
+    friction = FRICTION * DEPTH
+    return {
+        "force": 1.0 - states[deepest].force / (CUTTING + friction),
+        "work": 1.0 - work / (DEPTH * (CUTTING + 0.5 * friction)),
+        "force drawn out by half": half.force / (-FRICTION * half.depth) - 1.0,
+        "lost in a cycle": 1.0 - lost / (DEPTH * (CUTTING + friction)),
+    }
+
+
+def _work(found: Insertion, last: int) -> float:
+    force = np.array([state.force for state in found.states[: last + 1]])
+    return float(0.5 * (force[1:] + force[:-1]) @ np.diff(found.depths[: last + 1]))
+
+
+def rigid_limit(element: str) -> tuple[list[Answer], list[Curve]]:
+    """Check that the rigid answer is approached as one over Young's modulus."""
+    found = [cycle(element, stiffer) for stiffer in STIFFER]
+    answers, curves = [], []
+    for name in found[0]:
+        errors = tuple(values[name] for values in found)
+        curve = Curve(element=element, quantity=name, order=1.0, sizes=(1.0, 1 / 8, 1 / 64),
+                      dofs=STIFFER, seconds=(0.0,) * 3, errors=errors)  # fmt: skip
+        curves.append(curve)
+        answers += [
+            Answer(label=f"{element}, rigid limit, {name}: order in 1/E", value=curve.observed,
+                   reference=1.0, tolerance=0.05),
+            Answer(label=f"{element}, rigid limit, {name}: off at 512 E", value=errors[-1],
+                   tolerance=1e-3),
+        ]  # fmt: skip
+    return answers, curves
+
+
+def places(element: str) -> list[Answer]:
+    """Compare forces on a mesh line, through cells, and a billionth of a cell beside."""
+    answers = []
+    for name, (entry, direction) in PLACES.items():
+        paths = [_forces(element, entry + 1e-9 * 0.003 * side, direction) for side in (0, -1, 1)]
+        same = all(len(path) == len(paths[0]) for path in paths)
+        value = (
+            np.max(np.abs(np.array(paths[1:]) - paths[0])) / np.max(paths[0]) if same else np.inf
+        )
+        label = f"{element}, {name}: force beside, off"
+        answers.append(Answer(label=label, value=float(value), tolerance=1e-6, recorded=False))
+    return answers
+
+
+def _forces(element: str, entry: float, direction: tuple[float, float]) -> np.ndarray:
+    found = simulate(vary(layer(element, entry), {"motion.direction": direction}))
+    return np.array([state.force for state in found.states])
+
+
+def run(quick: bool) -> Findings:
+    """Push, pull, stiffen, and move aside."""
+    answers, curves = [], []
+    for element in ("P1", "P2"):
+        answers += pushed(element)
+        if not quick:
+            limits, found = rigid_limit(element)
+            answers += limits + places(element)
+            curves += found
+    return Findings(answers=answers, curves=curves)
+
+
+PROBLEM = Problem(
+    name="uniform layer",
+    requirement="In a uniform layer the force is f_c + tau times the material path, no energy is "
+    "lost, rigid tissue is approached as one over its modulus, and elements' edges are not felt.",
+    reference="exact; equilibrium of the needle, all shaft points slipping",
+    why="round-off; the trapezoidal ledger has an error of second order in every step; "
+    "friction turns round within the first of the steps back",
+    run=run,
+)

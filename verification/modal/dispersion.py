@@ -1,0 +1,85 @@
+"""M3: waves in a bar, by consistent and by lumped mass: closed forms for linear elements."""
+
+import numpy as np
+
+from needlefem.checks.models import mapped_mesh
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.dynamics import TissueSystem
+from needlefem.dynamics.modal import modes
+from needlefem.elements import CATALOGUE
+from needlefem.fem.tissue_model import Model
+from needlefem.materials import Isotropic
+from needlefem.mesh.generation import BACKGROUND, name_faces, name_regions
+from needlefem.scene import Support
+
+CELLS, THIN = 12, 0.01
+"""Cells along the strip; its width, so thin that nothing but the bar vibrates slowly."""
+WIDE = 1e6
+LAW = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=2.0)
+LARGEST = {"consistent": 2.0 * np.sqrt(3.0), "lumped": 2.0}
+"""Largest frequency of a bar in units of ``c / h``."""
+
+
+def largest(lumping: str | None) -> float:
+    """Return the largest frequency, in units of ``c / h``, of a strip that is free at its ends.
+
+    It is so wide that what varies across it is slow.
+    """
+    mesh = mapped_mesh(CATALOGUE["Q1"], (CELLS, 1), lambda p: p * np.array([1.0, WIDE]))
+    named = name_faces(name_regions(mesh, {}), ("y", "z"))
+    supports = {"sides": Support(faces=("z_min", "z_max"), fixed=("z",))}
+    axes = ("y", "z")
+    model = Model(named, CATALOGUE["Q1"], {BACKGROUND: LAW}, supports, axes, floating=True)
+    return TissueSystem(model, lumping=lumping).largest_frequency / CELLS / sound()
+
+
+def sound() -> float:
+    """Return the speed of waves along the strip."""
+    lam, mu = LAW.lame()
+    return float(np.sqrt((lam + 2.0 * mu) / LAW.density))
+
+
+def system(lumping: str | None) -> tuple[TissueSystem, float]:
+    """Return a strip one cell wide that slides between walls, and its speed of sound."""
+    mesh = mapped_mesh(CATALOGUE["Q1"], (CELLS, 1), lambda p: p * np.array([1.0, THIN]))
+    named = name_faces(name_regions(mesh, {}), ("y", "z"))
+    supports = {
+        "ends": Support(faces=("y_min", "y_max"), fixed=("y",)),
+        "sides": Support(faces=("z_min", "z_max"), fixed=("z",)),
+    }
+    model = Model(named, CATALOGUE["Q1"], {BACKGROUND: LAW}, supports, ("y", "z"))
+    return TissueSystem(model, lumping=lumping), sound()
+
+
+def run(quick: bool) -> Findings:
+    """Compare the lowest frequencies with the formulas."""
+    answers = []
+    h = 1.0 / CELLS
+    turn = np.pi * np.arange(1, 6) * h
+    formulas = {
+        "consistent": (None, np.sqrt(6.0 * (1.0 - np.cos(turn)) / (2.0 + np.cos(turn)))),
+        "lumped": ("row-sum", 2.0 * np.sin(0.5 * turn)),
+    }
+    for name, (lumping, exact) in formulas.items():
+        strip, speed = system(lumping)
+        found, _ = modes(strip, 5)
+        for number, (value, reference) in enumerate(zip(found, exact * speed / h, strict=True), 1):
+            answers.append(
+                Answer(label=f"{name} mass: mode {number}", value=float(value),
+                       reference=float(reference), tolerance=1e-10)
+            )  # fmt: skip
+        answers.append(
+            Answer(label=f"{name} mass: largest frequency, h / c", value=largest(lumping),
+                   reference=float(LARGEST[name]), tolerance=1e-10)
+        )  # fmt: skip
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="dispersion of a bar",
+    requirement="Consistent mass makes waves too fast and lumped mass too slow, each by its "
+    "formula.",
+    reference="exact for linear elements; R. D. Krieg, S. W. Key 1973",
+    why="round-off",
+    run=run,
+)

@@ -1,0 +1,135 @@
+"""M1: Lame's modes of a free square, whatever Poisson's ratio; locking is seen in frequencies."""
+
+import numpy as np
+
+from needlefem.checks.models import square_mesh, tissue
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.work_precision import elements_race
+from needlefem.dynamics import TissueSystem
+from needlefem.dynamics.modal import modes
+from needlefem.elements import CATALOGUE
+from needlefem.fem.function_space import Space
+from needlefem.materials import Isotropic
+
+EXACT = np.sqrt(2.0) * np.pi
+"""Angular frequency of the first on the unit square with mu = rho = 1."""
+LIMITS = {
+    ("P1", 64, 0.3): 7e-4, ("Q1", 32, 0.3): 9.5e-4, ("P2", 8, 0.3): 2.5e-4, ("Q2", 8, 0.3): 4e-5,
+    ("P2", 32, 0.4999): 2e-4, ("Q1-Bbar", 32, 0.4999): 2e-3, ("P2-P1", 8, 0.4999): 1e-3,
+    ("Q2-Q1", 8, 0.4999): 1e-4, ("MINI", 32, 0.4999): 5e-3,
+}  # fmt: skip
+"""Largest relative error by element, divisions and Poisson's ratio; never below, by consistent
+mass of displacement elements."""
+LOCKED = {"P1": 0.071, "Q1": 0.071}
+"""Relative error at nu 0.4999 on 64 divisions, by another code."""
+LUMPED = {("P1", 0.3): 2.7e-4, ("Q1", 0.3): -1.8e-4, ("Q1", 0.49): 2.2e-3}
+"""Relative error by row sums on 64 divisions, two digits by another code: lumping makes waves
+slower, but not always too slow."""
+FINE = {1: 64, 2: 16}
+"""Divisions by degree on which orders are seen."""
+
+
+def frequency(
+    name: str,
+    divisions: int,
+    ratio: float,
+    near: float = 1.001,
+    like: float = 0.97,
+    *,
+    number: int = 1,
+    lumping: str | None = None,
+) -> float:
+    """Return the frequency of the mode that looks like one of Lame's, over `number`; NaN if none.
+
+    `near` is where it is looked for, in units of the exact one; `like` the least overlap by mass,
+    which is lower for a mode that is bent by locking; `number` the half waves along a side.
+    """
+    element = CATALOGUE[name]
+    material = Isotropic(youngs_modulus=2.0 * (1.0 + ratio), poissons_ratio=ratio, density=1.0)
+    model = tissue(square_mesh(element, divisions), element, material)
+    system = TissueSystem(model, lumping=lumping)
+    x, y = number * np.pi * model.nodes.T
+    shape = model.dof_vector(np.stack([-np.cos(x) * np.sin(y), np.sin(x) * np.cos(y)], axis=1))[
+        model.free_dofs
+    ]
+    shape /= np.sqrt(shape @ system.mass_times(shape))
+    found, shapes = modes(system, 6, near=near * number * EXACT)
+    alike = np.abs(shapes.T @ system.mass_times(shape))
+    return float(found[np.argmax(alike)]) / number if alike.max() > like else np.nan
+
+
+def unknowns(divisions: int, name: str) -> int:
+    """Return the displacements of a square."""
+    return Space(square_mesh(CATALOGUE[name], divisions), CATALOGUE[name]).ndofs
+
+
+def run(quick: bool) -> Findings:
+    """Compare Lame modes of elements at both ratios."""
+    answers = []
+    for (name, divisions, ratio), limit in LIMITS.items():
+        if quick and divisions > 32:
+            continue
+        off = frequency(name, divisions, ratio) / EXACT - 1.0
+        label = f"{name}, {divisions} divisions, nu {ratio}: frequency"
+        answers.append(Answer(label=label, value=EXACT * (1.0 + off), reference=EXACT,
+                              tolerance=limit))  # fmt: skip
+        if CATALOGUE[name].volume == "plain":
+            below = max(0.0, -off)
+            label = f"{name}, {divisions} divisions, nu {ratio}: below exact"
+            answers.append(Answer(label=label, value=below, tolerance=1e-12, recorded=False))
+    return Findings(answers=answers if quick else [*answers, *locked_and_lumped(), *orders()])
+
+
+def locked_and_lumped() -> list[Answer]:
+    """See linear elements lock, and lumped mass on either side of the exact frequency."""
+    answers = []
+    for name, expected in LOCKED.items():
+        off = frequency(name, 64, 0.4999, near=1.07, like=0.9) / EXACT - 1.0
+        label = f"{name}, 64 divisions, nu 0.4999: locks by"
+        answers.append(Answer(label=label, value=off, reference=expected, tolerance=2e-2))
+    for (name, ratio), expected in LUMPED.items():
+        off = frequency(name, 64, ratio, lumping="row-sum") / EXACT - 1.0
+        label = f"{name}, row-sum mass, 64 divisions, nu {ratio}: off by"
+        answers.append(Answer(label=label, value=off, reference=expected, tolerance=3e-2))
+    return answers
+
+
+def orders() -> list[Answer]:
+    """Halve the cells, and double the half waves: a mode of twice as many is as wrong."""
+    answers = []
+    for name in ("P1", "Q1", "P2", "Q2"):
+        degree = CATALOGUE[name].degree
+        fine = FINE[degree]
+        coarse, error = (frequency(name, n, 0.3) / EXACT - 1.0 for n in (fine // 2, fine))
+        second = frequency(name, fine, 0.3, number=2)
+        answers += [
+            Answer(label=f"{name}: order", value=float(np.log2(coarse / error)),
+                   reference=2.0 * degree, tolerance=0.1 / degree, recorded=False),
+            Answer(label=f"{name}, {fine} divisions: half of the second mode", value=second,
+                   reference=EXACT, tolerance=4e-3 if degree == 1 else 3e-4),
+        ]  # fmt: skip
+    return answers
+
+
+RACES = [
+    elements_race(
+        title=f"free vibration, nu {ratio:g}",
+        quantity="frequency",
+        ratio=ratio,
+        solve=lambda e, n, nu=ratio: (n, e.name, frequency(e.name, n, nu, like=0.5)),
+        measure=lambda found: (unknowns(*found[:2]), abs(found[2] / EXACT - 1.0)),
+        levels=(4, 8, 16, 32),
+    )
+    for ratio in (0.3, 0.4999)
+]
+PROBLEM = Problem(
+    name="Lame modes",
+    requirement="A free square vibrates in shear with a frequency that Poisson's ratio does not "
+    "change; linear elements lock.",
+    reference="exact, sqrt(2) pi c_s / L; G. Lame 1852",
+    why="errors of another code on the same grids (P1 0.067 %, Q1 0.090 %, P2 0.023 %, Q2 0.0037 "
+    "%; 0.018 % for P2 at nu 0.4999; by row sums P1 0.027 %, Q1 -0.018 %, at nu 0.49 0.22 %); "
+    "those of elements with a cure by their degree",
+    run=run,
+    races=RACES,
+)

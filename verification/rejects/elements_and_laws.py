@@ -1,0 +1,192 @@
+"""Q1: elements and laws that are wrong on purpose are each caught by a check with a name."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from needlefem.checks.qualify import failures, qualify
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.elements import CATALOGUE, MEAN, PRESSURE, ElementRow
+from needlefem.elements.quadrature import gauss, simplex
+from needlefem.materials import Isotropic, Response
+
+P1, P2, Q1 = CATALOGUE["P1"], CATALOGUE["P2"], CATALOGUE["Q1"]
+RIGHT = Isotropic(youngs_modulus=1e4, poissons_ratio=0.3)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Law:
+    """Isotropic elasticity that a subclass spoils."""
+
+    right: Isotropic = RIGHT
+    density: float = 1000.0
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return the right answer."""
+        return self.right.respond(gradient, state, step)
+
+
+class PushesBack(Law):
+    """Sign: the stress points against the strain."""
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return the stress with the other sign."""
+        right = super().respond(gradient)
+        return dataclasses.replace(right, stress=-right.stress, tangent=-right.tangent)
+
+
+class TwiceTheEnergy(Law):
+    """Factor 2: the energy lacks its half."""
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return twice the energy."""
+        right = super().respond(gradient)
+        return dataclasses.replace(right, energy=2.0 * right.energy)
+
+
+class ForgetsVolume(Law):
+    """Missing term: the tangent is without lambda."""
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return a tangent of shear alone."""
+        right = super().respond(gradient)
+        eye = np.eye(3)
+        lame = self.right.lame()[0] * np.einsum("ij,kl->ijkl", eye, eye)
+        return dataclasses.replace(right, tangent=right.tangent - lame)
+
+
+class SwapsShears(Law):
+    """Swapped shear: 13 and 23 are taken for each other."""
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return the stress with two shears exchanged."""
+        right = super().respond(gradient)
+        stress = np.array(right.stress)
+        stress[..., 0, 2], stress[..., 1, 2] = right.stress[..., 1, 2], right.stress[..., 0, 2]
+        stress[..., 2, 0], stress[..., 2, 1] = stress[..., 0, 2], stress[..., 1, 2]
+        return dataclasses.replace(right, stress=stress)
+
+
+class FollowsRotation(Law):
+    """Missing half: the gradient is taken for the strain."""
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return ``2 mu gradient``, its tangent and its energy."""
+        mu = self.right.lame()[1]
+        tangent = 2.0 * mu * np.einsum("ik,jl->ijkl", np.eye(3), np.eye(3))
+        energy = mu * np.sum(gradient**2, axis=(-2, -1))
+        return Response(stress=2.0 * mu * gradient, tangent=tangent, energy=energy)
+
+
+class PumpsEnergy(Law):
+    """Non-symmetric tangent: stretching pulls across, but pulling across does not stretch."""
+
+    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+        """Return a stress that is no derivative, with its own tangent."""
+        right = super().respond(gradient)
+        stress, tangent = np.array(right.stress), np.array(right.tangent)
+        stress[..., 0, 0] += 2e3 * gradient[..., 1, 1]
+        tangent[..., 0, 0, 1, 1] += 2e3
+        return dataclasses.replace(right, stress=stress, tangent=tangent)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Unchecked(Isotropic):
+    """A law that does not check its values."""
+
+    def __post_init__(self) -> None:
+        pass
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class HalfShear(Isotropic):
+    """Tensor's shear strain where Voigt's is meant: shears half as soft."""
+
+    def compliance(self) -> np.ndarray:
+        """Return a compliance with half its shears."""
+        return super().compliance() * np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])
+
+
+def spoiled(element: ElementRow, **methods: Any) -> Any:
+    """Return a factory of scikit-fem's element with methods replaced."""
+    return type("Spoiled", (type(element.make()),), methods)
+
+
+def _mixed_up(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
+    right = type(self).__mro__[1]
+    return right.lbasis(self, X, {3: 4, 4: 3}.get(i, i))
+
+
+def _steep(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
+    value, slope = type(self).__mro__[1].lbasis(self, X, i)
+    return value, 2.0 * slope
+
+
+def _curved(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
+    value, slope = type(self).__mro__[1].lbasis(self, X, i)
+    return value + 0.1 * X[0] * X[1] * (i == 0), slope + 0.1 * np.stack([X[1], X[0]]) * (i == 0)
+
+
+def elements() -> dict[str, tuple[ElementRow, str]]:
+    """Return wrong elements and the check that must catch them."""
+    vary = dataclasses.replace
+    mixed_up = vary(P2, name="X", make=spoiled(P2, lbasis=_mixed_up))
+    return {
+        "one quadrature point": (vary(Q1, name="X", stiffness_rule=gauss(1)), "zero modes"),
+        "dofs in the wrong order": (mixed_up, "continuity"),
+        "gradients twice too steep": (
+            vary(P1, name="X", make=spoiled(P1, lbasis=_steep)), "shape gradients"),
+        "functions that do not add up": (
+            vary(P1, name="X", make=spoiled(P1, lbasis=_curved)), "nodal functions"),
+        "weights of another cell": (
+            vary(P1, name="X", stiffness_rule=lambda: (np.full((2, 1), 1 / 3), np.ones(1))),
+            "quadrature weights"),
+        "zero and negative masses": (vary(P2, name="X", lumpings=("row-sum",)), "mass positive"),
+        "too coarse a rule for M": (vary(P2, name="X", mass_rule=simplex(2)), "mass rule"),
+        "reduced integration that reduces nothing": (
+            vary(CATALOGUE["Q1-Bbar"], name="X", volume=MEAN, volume_rule=gauss(2)), "no locking"),
+        "pressure as fine as the displacement": (
+            vary(P1, name="X", volume=PRESSURE, pressure=P1.make, poissons_ratio_limit=0.4,
+                 stiffness_rule=simplex(2)), "pressure stability"),
+        "a limit that is not kept": (vary(P1, name="X", poissons_ratio_limit=0.4999), "no locking"),
+    }  # fmt: skip
+
+
+LAWS: dict[str, tuple[Any, str]] = {
+    "sign of the stress": (PushesBack(), "stability"),
+    "twice the energy": (TwiceTheEnergy(), "stress of energy"),
+    "tangent without lambda": (ForgetsVolume(), "tangent of stress"),
+    "swapped shears": (SwapsShears(), "tangent of stress"),
+    "gradient taken for strain": (FollowsRotation(), "rotation"),
+    "tangent not symmetric": (PumpsEnergy(), "tangent symmetric"),
+    "half the shear strain": (HalfShear(youngs_modulus=1e4, poissons_ratio=0.3), "isotropy"),
+    "negative mass": (
+        Unchecked(youngs_modulus=1e4, poissons_ratio=0.3, density=-1.0),
+        "density",
+    ),
+}
+
+
+def run(quick: bool) -> Findings:
+    """Qualify every wrong thing beside a right one, and see whether its check fails."""
+    answers = [
+        Answer(label="the right ones: checks failed", value=len(failures(qualify(P2, RIGHT))),
+               tolerance=0.0)
+    ]  # fmt: skip
+    caught = {what: (qualify(P2, law), name) for what, (law, name) in LAWS.items()}
+    caught |= {what: (qualify(e, RIGHT), name) for what, (e, name) in elements().items()}
+    for what, (checks, name) in caught.items():
+        hit = float(name in failures(checks))
+        label = f"{what}: caught by '{name}'"
+        answers.append(Answer(label=label, value=hit, reference=1.0))
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="wrong on purpose",
+    requirement="A wrong element or law fails a check that says what is wrong with it.",
+    reference="the mistakes that are made: signs, factors, orders, rules",
+    why="a check that can't fail is none",
+    run=run,
+)

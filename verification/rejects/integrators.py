@@ -1,0 +1,147 @@
+"""Q2: integrators that are wrong on purpose are each caught by a check with a name."""
+
+import dataclasses
+
+import numpy as np
+
+from needlefem.checks.integrator_checks import check_integrator
+from needlefem.checks.qualify import failures
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.dynamics import (
+    HHT,
+    CentralDifference,
+    GeneralizedAlpha,
+    ImplicitStepper,
+    Integrator,
+    Motion,
+    Newmark,
+    System,
+)
+from needlefem.dynamics.steppers import Weights
+
+RIGHT: dict[str, Integrator] = {
+    "Newmark": Newmark(),
+    "HHT": HHT(alpha=-0.1),
+    "generalised-alpha": GeneralizedAlpha(rho_inf=0.8),
+    "central difference": CentralDifference(),
+}
+
+QUICK = ("generalised-alpha", "central difference")
+"""What a quick run qualifies: one that is implicit and one that is not."""
+
+
+class StaleAcceleration(ImplicitStepper):
+    """Keeps the acceleration of the step before."""
+
+    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+        """Return the motion with its old acceleration."""
+        return dataclasses.replace(super().advance(motion, u), a=motion.a)
+
+
+class WrongPredictor(ImplicitStepper):
+    """Predicts without the acceleration."""
+
+    def _predictor(self) -> np.ndarray:
+        return np.array([1.0, self.step, 0.0])
+
+
+class Undamped(ImplicitStepper):
+    """Forgets the damping force."""
+
+    def __init__(self, system: System, step: float, weights: Weights) -> None:
+        super().__init__(system, step, weights)
+        inertia = (1.0 - weights.mass) / (weights.beta * step**2)
+        self.factor = system.factor(inertia, 0.0, 1.0 - weights.force)
+
+    def free_motion(self, motion: Motion, force: np.ndarray | None = None) -> np.ndarray:
+        """Return the displacement after a step as if nothing damped."""
+        damped, self.system.damped = self.system.damped, False
+        found = super().free_motion(motion, force)
+        self.system.damped = damped
+        return found
+
+
+class HalfVelocity(ImplicitStepper):
+    """Adds the old acceleration's share to the velocity twice."""
+
+    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+        """Return the motion with a wrong velocity."""
+        right = super().advance(motion, u)
+        extra = self.step * (1.0 - self.weights.gamma) * motion.a
+        return dataclasses.replace(right, v=right.v + extra)
+
+
+class LateForce(ImplicitStepper):
+    """Takes the force of the step's start."""
+
+    def advance_under(self, motion: Motion, before: np.ndarray, after: np.ndarray) -> Motion:
+        """Return the motion under the wrong force."""
+        return super().advance_under(motion, before, before)
+
+
+class Forgetful(ImplicitStepper):
+    """Leaves the viscoelastic branches as they were."""
+
+    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+        """Return the motion with its old memory."""
+        return dataclasses.replace(super().advance(motion, u), parts=motion.parts)
+
+
+class BorrowedVelocity(ImplicitStepper):
+    """Says the velocity in the middle of the step."""
+
+    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+        """Return the motion with a velocity that is half a step old."""
+        return dataclasses.replace(super().advance(motion, u), v=(u - motion.u) / self.step)
+
+
+@dataclasses.dataclass(frozen=True)
+class Wrong:
+    """A wrong stepper with weights of the generalised-alpha family."""
+
+    kind: type[ImplicitStepper]
+    weights: Weights
+
+    def stepper(self, system: System, step: float) -> ImplicitStepper:
+        """Return the stepper."""
+        return self.kind(system, step, self.weights)
+
+
+AVERAGE = Weights(0.0, 0.0, 0.25, 0.5)
+WRONG: dict[str, tuple[Integrator, str]] = {
+    "beta and gamma swapped": (Wrong(ImplicitStepper, Weights(0.0, 0.0, 0.5, 0.25)), "stability"),
+    "stale acceleration": (Wrong(StaleAcceleration, AVERAGE), "order, free"),
+    "predictor without acceleration": (Wrong(WrongPredictor, AVERAGE), "free fall"),
+    "damping left out": (Wrong(Undamped, AVERAGE), "damping"),
+    "alpha on the wrong side": (
+        Wrong(ImplicitStepper, Weights(0.0, -0.1, 0.3025, 0.6)), "order, free"),
+    "old acceleration counted twice": (Wrong(HalfVelocity, AVERAGE), "free fall"),
+    "memory left as it was": (Wrong(Forgetful, AVERAGE), "order, memory"),
+    "velocity of the step's middle": (Wrong(BorrowedVelocity, AVERAGE), "energy"),
+    "no limit to the step": (CentralDifference(refuse_unstable=False), "stability"),
+    "force of the step before": (Wrong(LateForce, AVERAGE), "order, pushed"),
+}  # fmt: skip
+"""What is wrong, and the check that must catch it."""
+
+
+def run(quick: bool) -> Findings:
+    """Qualify wrong integrators beside the right ones."""
+    answers = [
+        Answer(label=f"{name}: checks failed", value=len(failures(check_integrator(integrator))),
+               tolerance=0.0)
+        for name, integrator in RIGHT.items()
+        if name in QUICK or not quick
+    ]  # fmt: skip
+    for what, (integrator, name) in WRONG.items():
+        hit = float(name in failures(check_integrator(integrator, names=[name])))
+        answers.append(Answer(label=f"{what}: caught by '{name}'", value=hit, reference=1.0))
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="wrong integrators",
+    requirement="A wrong integrator fails a check that says what is wrong with it.",
+    reference="the mistakes that are made: swapped parameters, stale states, forgotten terms",
+    why="a check that can't fail is none",
+    run=run,
+)

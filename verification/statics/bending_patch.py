@@ -1,0 +1,39 @@
+"""S2: pure bending is met exactly by quadratic elements on any mesh, and by no linear one."""
+
+from needlefem.checks.element_material_checks import bending_error
+from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.elements import CATALOGUE
+from needlefem.materials import Isotropic
+
+BOUNDS = {0.3: 1e-13, 0.4999: 1e-12}
+"""Largest error of quadratic elements by Poisson's ratio."""
+LINEAR = 1e-3
+"""Least error of linear ones, which have no curvature: a thousandth at the very least."""
+
+
+def run(quick: bool) -> Findings:
+    """Prescribe pure bending on the boundary of a distorted mesh, in both plane states."""
+    answers = []
+    for name, element in CATALOGUE.items():
+        for plane in ("strain", "stress"):
+            for ratio, bound in BOUNDS.items():
+                material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
+                error = bending_error(element, material, plane)
+                label = f"{name}, plane {plane}, nu {ratio}"
+                if element.degree >= 2:
+                    answer = Answer(label=label, value=error, tolerance=bound, recorded=False)
+                else:
+                    label += ": fails"
+                    answer = Answer(label=label, value=error, reference=LINEAR, at_least=True)
+                answers.append(answer)
+    return Findings(answers=answers)
+
+
+PROBLEM = Problem(
+    name="bending patch",
+    requirement="A strain that is linear across the mesh is met exactly by quadratic elements; "
+    "linear ones fail.",
+    reference="exact, u = x y, v = -(x^2 + b y^2) / 2; S. P. Timoshenko, J. N. Goodier 1951",
+    why="round-off times the condition of the system; linear elements miss by far more than that",
+    run=run,
+)

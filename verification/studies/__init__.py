@@ -1,0 +1,1 @@
+"""Studies that prove this package."""

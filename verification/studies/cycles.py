@@ -1,0 +1,81 @@
+"""Ten thousand times in, rest, and out: the tissue comes to rest, and memory does not grow.
+
+A needle that comes back to the same depth finds the friction next to its tip not yet at its
+limit: the tip carries more and cuts on a little, by ever less from cycle to cycle.
+"""
+
+import itertools
+import resource
+
+import numpy as np
+
+from needlefem._arrays import Vector
+from needlefem._table import Table
+from needlefem.errors import SimulationError
+from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import Way
+from needlefem.scene import Scene, Stage, vary
+
+CYCLES = 10_000
+PIECES = 3
+"""Of the path; long ones, for there are many steps."""
+LEFT, GROWTH = 1e-9, 0.02
+"""Largest strain energy with the needle out, over the work; largest growth of memory after a
+tenth of the cycles."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return forces, places and memory at some of the cycles."""
+    del other
+    return [cycled(scene, CYCLES)]
+
+
+def cycled(scene: Scene, cycles: int) -> Table:
+    """Return the table of so many cycles."""
+    depth = 0.5 * scene.motion.max_depth
+    once = (Stage(to=depth), Stage(hold=1.0), Stage(to=-1e-3))
+    changes = {
+        "motion.stages": once * cycles,
+        "discretisation.path_spacing": depth / PIECES,
+        "discretisation.integrator": "quasi-static",
+    }
+    simulation = Simulation(vary(scene, changes))
+    course = simulation.course(simulation.entry_of_case())
+    watched = {1, 2, cycles // 10, cycles // 2, cycles}
+    rows: list[list[float]] = []
+    number, rested, tip, left = 0, False, np.zeros(scene.dim), 0.0
+    for state in course.iterate():
+        course.take_events()
+        resting = state.depth == depth
+        if resting and not rested:
+            number += 1
+            if number in watched:
+                rows.append([number, state.force, *advance(state.tip, tip), most_memory()])
+            tip = state.tip
+        rested = resting
+        if state.way is Way.OUT and course.stepping is not None:
+            account = course.stepping.account
+            left = max(left, abs(account.strain) / account.turnover if account.turnover else 0.0)
+    if number < cycles:
+        raise SimulationError(f"only {number} of {cycles} cycles: {course.outcome.sentence}")
+    growth = rows[-1][-1] / rows[2][-1] - 1.0
+    advances = [row[3] for row in rows]
+    falls = all(b <= a for a, b in itertools.pairwise(advances))
+    return Table(
+        title=f"{cycles} cycles of going in, resting, and coming out",
+        columns=("cycle", "force (N/m)", "material (cm)", "cut on (um)", "memory (MiB)"),
+        rows=rows,
+        passed=falls and growth <= GROWTH and left <= LEFT,
+        note=f"at most {left:.1e} of the work is left in the tissue when the needle is out; memory "
+        f"grows by {100 * growth:.2g} % after a tenth of the cycles",
+    )
+
+
+def advance(tip: Vector, before: Vector) -> tuple[float, float]:
+    """Return the distance of the tip's material from the origin, cm, and from before, um."""
+    return 100.0 * float(np.linalg.norm(tip)), 1e6 * float(np.linalg.norm(tip - before))
+
+
+def most_memory() -> float:
+    """Return the most memory that the process ever had, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

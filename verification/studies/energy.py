@@ -1,0 +1,42 @@
+"""The energy ledger of the case's insertion by two formulas."""
+
+from needlefem._table import Table
+from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.simulation import Simulation
+from needlefem.scene import Scene, vary
+
+IDENTITY, CONSISTENT, TRAPEZOIDAL = 1e-10, 1e-6, 2e-2
+"""Largest mismatch of strain energy, and of the ledger by either formula, of the work."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return residuals over three path spacings."""
+    del other
+    rows: list[list[object]] = []
+    for factor in (1.0, 0.5, 0.25):
+        spacing = factor * scene.discretisation.path_spacing
+        simulation = Simulation(vary(scene, {"discretisation.path_spacing": spacing}))
+        insertion = simulation.insert(simulation.entry_of_case())
+        consistent, trapezoidal = ledger(insertion), ledger(insertion, trapezoidal=True)
+        holds = (
+            consistent.identity <= IDENTITY
+            and consistent.residual <= CONSISTENT
+            and trapezoidal.residual <= TRAPEZOIDAL
+        )
+        residuals = (consistent.identity, consistent.residual, trapezoidal.residual)
+        rows.append([1e3 * spacing, consistent.work, *residuals, holds])
+    return [
+        Table(
+            title="energy ledger of the case's insertion, relative to the needle's work",
+            columns=(
+                "path spacing (mm)",
+                "work (J/m)",
+                "strain identity",
+                "ledger, consistent",
+                "ledger, trapezoidal",
+                "holds",
+            ),
+            rows=rows,
+            passed=all(bool(row[5]) for row in rows),
+        )
+    ]

@@ -1,0 +1,63 @@
+"""Friction that falls from static to kinetic, over a length and at once, as steps get shorter.
+
+The needle goes in, rests, and goes on. What rested sticks harder; the force then needed to move
+on is a number of the tissue if friction falls over a length, and of the step if it does not.
+"""
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.insertion.simulation import Simulation
+from needlefem.scene import Scene, Stage, vary
+
+RATIO = 1.5
+"""Static over kinetic friction, as the paper has a pair of them."""
+LENGTH = 1e-3
+"""Over which it falls, m."""
+STEPS = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3)
+"""Travel of the needle in a step, m."""
+SETTLED, UNSETTLED = 0.01, 0.05
+"""Largest change of the force over the last halving when it falls over a length; smallest over
+all of them when it does not; relative."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return the force at which the rested needle moves on, over the step."""
+    del other
+    found = {length: [_peak(scene, length, step) for step in STEPS] for length in (LENGTH, 0.0)}
+    rows = [
+        [1e3 * step, found[LENGTH][number], found[0.0][number]] for number, step in enumerate(STEPS)
+    ]
+    smooth, bare = found[LENGTH], found[0.0]
+    change = abs(smooth[-1] / smooth[-2] - 1.0)
+    spread = max(bare) / min(bare) - 1.0
+    return [
+        Table(
+            title=f"static friction {RATIO:g} times the kinetic: force to move on after a rest",
+            columns=("step (mm)", f"falls over {1e3 * LENGTH:g} mm (N/m)", "falls at once (N/m)"),
+            rows=rows,
+            passed=change <= SETTLED and spread >= UNSETTLED,
+            note=f"over a length: {100 * change:.2g} % in the last halving; at once: the steps "
+            f"differ by {100 * spread:.2g} %, as the warning says",
+        )
+    ]
+
+
+def _peak(scene: Scene, length: float, step: float) -> float:
+    """Return the largest force within the first part of the way on, N (N/m in 2D)."""
+    deep = scene.motion.max_depth
+    on = 0.5 * deep + 4.0 * LENGTH
+    fast = 100.0 * scene.motion.speed  # time is of no consequence: long steps on the way in
+    stages = (Stage(to=0.5 * deep, speed=fast), Stage(hold=1.0), Stage(to=on))
+    changes = {
+        "motion.stages": stages,
+        "needle.static_friction": RATIO,
+        "needle.weakening_length": length,
+        "discretisation.path_spacing": 2.0 * scene.discretisation.path_spacing,
+        "discretisation.time_step": step / scene.motion.speed,
+    }
+    simulation = Simulation(vary(scene, changes))
+    course = simulation.course(simulation.entry_of_case())
+    rested = 0.5 * deep / fast + 1.0 - 1e-9
+    forces = [state.force for state in course.iterate() if state.time > rested]
+    return float(np.max(forces))

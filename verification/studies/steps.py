@@ -1,0 +1,90 @@
+"""A hundred thousand steps with inertia: to and fro with rests and stick-slip, without drift."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from needlefem._arrays import Ints
+from needlefem._table import Table
+from needlefem.errors import SimulationError
+from needlefem.insertion.insertion_run import Course
+from needlefem.insertion.simulation import Simulation
+from needlefem.scene import DYNAMIC, Scene, Stage, vary
+from verification.studies.cycles import advance, most_memory
+from verification.studies.dynamics import DAMPING, LEAK, SLOW, moving
+
+STEPS = 100_000
+PIECES, WEAKENING, STEP = 5, 1e-4, 0.01
+"""Of the path, long ones, for there are many steps; slip over which friction falls, m, so short
+that pieces stick and slip; time step, s."""
+DRIFT, GROWTH, GIVEN = 1e-2, 0.02, 1e-8
+"""Change of force and kinetic energy at rest over the second half, relative to them; largest growth
+of memory after a tenth of the steps; energy given in a step, of the turnover."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return forces, places, energies and memory at some of the cycles."""
+    del other
+    return [stepped(scene, name, STEPS) for name in DYNAMIC]
+
+
+def stepped(scene: Scene, integrator: str, steps: int) -> Table:
+    """Return the table of so many steps by an integrator."""
+    deep, back = 0.4 * scene.motion.max_depth, 0.3 * scene.motion.max_depth
+    once = (Stage(hold=1.0), Stage(to=back), Stage(hold=1.0), Stage(to=deep))
+    cycles = int(np.ceil(steps * STEP / (2.0 * (1.0 + (deep - back) / SLOW))))
+    changes = {
+        "motion.stages": (Stage(to=deep), *(cycles * once), Stage(hold=1.0)),
+        "needle.static_friction": 1.5,
+        "needle.weakening_length": WEAKENING,
+        "discretisation.path_spacing": deep / PIECES,
+    }
+    moved = vary(moving(scene, integrator, SLOW, DAMPING), changes)
+    simulation = Simulation(vary(moved, {"discretisation.time_step": STEP}))
+    course = simulation.course(simulation.entry_of_case())
+    seen = list(_rests(course, deep))
+    if len(seen) < cycles or course.stepping is None:
+        raise SimulationError(f"only {len(seen)} of {cycles} cycles: {course.outcome.sentence}")
+    tenth = cycles // 10
+    rows = [seen[number] for number in sorted({0, 1, 2, tenth, cycles // 2, cycles - 1})]
+    ledger = course.stepping.account.ledger()
+    growth = rows[-1][-1] / seen[tenth][-1] - 1.0
+    drifts = [abs(rows[-1][column] / rows[-2][column] - 1.0) for column in (2, 4)]
+    return Table(
+        title=f"{cycles} times to and fro with rests and inertia ({integrator})",
+        columns=(
+            "cycle", "steps", "force (N/m)", "cut on (um)", "kinetic energy", "caught",
+            "memory (MiB)",
+        ),
+        rows=rows,
+        passed=max(drifts) <= DRIFT and growth <= GROWTH and ledger.residual <= LEAK
+        and ledger.given <= GIVEN,
+        note=f"at the end of a rest; kinetic energy over the work of a cycle; caught: pieces that "
+        f"slid and stick, so far; ledger {ledger.residual:.1e}, given {ledger.given:.1e}; memory "
+        f"grows by {100 * growth:.2g} % after a tenth of the steps",
+    )  # fmt: skip
+
+
+def _rests(course: Course, deep: float) -> Iterator[list[float]]:
+    """Yield a row for the end of every rest at a depth."""
+    number, stuck, old, tip = 0, 0, None, np.zeros(course.model.dim)
+    for count, state in enumerate(course.iterate()):
+        course.take_events()
+        if old is not None:
+            stuck += _stick(old.slipping, state.slipping)
+            if old.depth == deep and state.depth != deep and course.stepping is not None:
+                number += 1
+                account = course.stepping.account
+                kinetic = account.kinetic / (account.turnover / number)
+                cut = advance(old.tip, tip)[1]
+                yield [number, count + 1, old.force, cut, kinetic, stuck, most_memory()]
+                tip = old.tip
+        old = state
+
+
+def _stick(before: Ints | None, after: Ints | None) -> int:
+    """Return how many pieces slid before and stick after."""
+    if before is None or after is None:
+        return 0
+    both = min(len(before), len(after))
+    return int(np.count_nonzero((before[1:both] != 0) & (after[1:both] == 0)))

@@ -1,0 +1,59 @@
+"""A train of seeds: where each rests, simulated, and by the shortcut for the first.
+
+A release on the way in, or at the end of it, stays in the material that was at the tip. On the
+way back friction has turned round: the tissue comes along, and at the same place of the world
+the tip is in other material than it was on the way in.
+"""
+
+import numpy as np
+
+from needlefem._arrays import Vector
+from needlefem._table import Table
+from needlefem.insertion.result import Insertion, Seed
+from needlefem.insertion.simulation import Simulation
+from needlefem.scene import Scene, Stage, vary
+
+SEEDS = 5
+REST = 1e-9
+"""Largest distance of a seed from its material when the needle is out, over the depth."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return where five seeds rest that are laid while retracting from the largest depth."""
+    del other
+    deep = 0.75 * scene.motion.max_depth
+    pitch = 0.8 * deep / (SEEDS - 1)
+    stages = (
+        Stage(to=deep),
+        Stage(to=0.1 * deep, train=SEEDS, pitch=pitch, release="seed"),
+        Stage(to=-1e-3),
+    )
+    simulation = Simulation(vary(scene, {"motion.stages": stages}))
+    found = simulation.move(simulation.entry_of_case())
+    rest = found.states[-1].seeds
+    rows = [_row(found, seed, place) for seed, place in zip(found.seeds, rest, strict=True)]
+    off = max(_apart(place, seed) for seed, place in zip(found.seeds, rest, strict=True))
+    first = found.seeds[0]
+    return [
+        Table(
+            title=f"{SEEDS} seeds laid {100 * pitch:.2g} cm apart on the way back",
+            columns=("seed", "released at (cm)", "shortcut (cm)", "simulated (cm)",
+                     "apart (cm)", "left over (cm)"),
+            rows=rows,
+            passed=off <= REST * deep and _apart(first.shortcut, first) <= REST * deep,
+            note="depths; shortcut: material at the tip at that depth on the way in; left over: "
+            "distance of the simulated seed from the material of its release, needle out",
+        )
+    ]  # fmt: skip
+
+
+def _row(found: Insertion, seed: Seed, place: Vector) -> list[object]:
+    along = found.axis.along
+    apart, left = _apart(seed.shortcut, seed), _apart(place, seed)
+    depths = (float(along(seed.released_at)), float(along(seed.shortcut)), float(along(place)))
+    return [seed.name, *(100.0 * depth for depth in depths), 100.0 * apart, 100.0 * left]
+
+
+def _apart(place: Vector, seed: Seed) -> float:
+    """Return the distance of a place from the material of a release, m."""
+    return float(np.linalg.norm(place - seed.point))

@@ -1,0 +1,109 @@
+"""A needle that lies in a tissue from end to end: friction alone, without a tip."""
+
+import numpy as np
+
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.condensed_contact import Contact
+from needlefem.contact.friction import Friction, Rub
+from needlefem.fem.compliance import SharedResponses
+from needlefem.fem.tissue_model import Model
+from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.straight import straight_path
+from needlefem.needle.tip_kernel import PointKernel, cross_section
+
+LATERAL_STIFFNESS = 1e9
+"""Of the hold on the axis, N/m^3; where tissue moves along the axis alone it does nothing."""
+
+
+class LyingNeedle:
+    """A shaft in an unloaded tissue, moved along its axis by as much as one wants.
+
+    Parameters
+    ----------
+    model : Model
+    ends : two arrays, shape (dim,), m
+        Where it begins and ends.
+    pieces : int
+        Equal ones, in which friction sticks or slips.
+    limit : float, N/m (Pa in 2D)
+        Kinetic friction per length.
+    friction : Friction, optional
+        How it weakens and gives.
+    thickness : float, m
+        Radius over which its forces are spread across the axis.
+
+    Attributes
+    ----------
+    travel : float, m
+    pull : array, shape (pieces,), N (N/m in 2D)
+        Friction on the pieces.
+    moved : array, shape (pieces,), m
+        Axial displacement of the tissue there.
+    slipping : array, shape (pieces,)
+        1, -1: way in which the needle slipped in the last step; 0: it stuck.
+    dissipated : float, J (J/m in 2D)
+        By sliding, forces taken as their means over steps.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        ends: tuple[Vector, Vector],
+        pieces: int,
+        limit: float,
+        *,
+        friction: Friction | None = None,
+        thickness: float = 0.0,
+    ) -> None:
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        self._contact = _path(model, ends, pieces, thickness)
+        self.friction = friction or Friction()
+        self.lengths: Floats = np.full(pieces, length / pieces)
+        self.kinetic: Floats = limit * self.lengths
+        self.pull: Floats = np.zeros(pieces)
+        self.moved: Floats = np.zeros(pieces)
+        self.travel = self.dissipated = 0.0
+        self.slipping: Floats = np.zeros(pieces)
+        self._slipped: Floats = np.zeros(pieces)
+
+    def move(self, travel: float) -> float:
+        """Move the needle to a place (m, from where it was put) and return its force, N (N/m)."""
+        rub = Rub(
+            friction=self.friction,
+            kinetic=self.kinetic,
+            slipped=self._slipped,
+            travel=self.moved + (travel - self.travel),
+            old=self.pull,
+            lengths=self.lengths,
+        )
+        sliding = self._contact.sliding()
+        forces, slip, _ = rub.solve(sliding.compliance, sliding.displacement, self.pull)
+        self.dissipated += 0.5 * float((self.pull + forces) @ slip)
+        self._slipped = rub.after(slip)
+        self.moved = sliding.displacement + sliding.compliance @ forces
+        self.pull, self.slipping, self.travel = forces, np.sign(slip), travel
+        return float(forces.sum())
+
+    @property
+    def strain_energy(self) -> float:
+        """Energy of the tissue, J (J/m in 2D)."""
+        return 0.5 * float(self.pull @ self.moved)
+
+
+def _path(model: Model, ends: tuple[Vector, Vector], pieces: int, thickness: float) -> Contact:
+    """Return a contact with a path of equal pieces, held on the axis."""
+    start, end = ends
+    direction = (end - start) / np.linalg.norm(end - start)
+    instrument = Instrument(
+        axis=Axis(start, direction),
+        kernel=PointKernel(model.dim),
+        interpolation=model.interpolation,
+        cutting_force=np.zeros(model.nnodes),
+        shaft_friction=np.zeros(model.nnodes),
+        section=cross_section(thickness, 24 if thickness else 1, model.dim),
+        lateral_stiffness=LATERAL_STIFFNESS,
+        spacing=float(np.linalg.norm(end - start)) / pieces,
+        inward=direction,
+    )
+    return straight_path(instrument, SharedResponses(model), pieces)

@@ -1,0 +1,233 @@
+"""Simple systems under dry friction, by the needle's own friction and the tissue's integrators."""
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from scipy.optimize import brentq
+
+from needlefem._arrays import Floats
+from needlefem.contact.friction import Friction, Rub
+from needlefem.dynamics import MatrixSystem, Motion, kinetic_energy
+from needlefem.dynamics.steppers import ImplicitStepper, Weights
+
+MEAN = Weights(0.5, 0.5, 0.25, 0.5)
+"""Average acceleration; friction is its mean over a step."""
+END = Weights(0.0, 0.0, 0.25, 0.5)
+"""Average acceleration; friction is that at a step's end."""
+FINE = 1e-13
+"""Part of a step to which an event is located."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rest:
+    """A system under friction at one time.
+
+    Parameters
+    ----------
+    time : float, s
+    motion : Motion
+    pull : array, shape (k,), N
+        Friction of the last step.
+    slid : array, shape (k,)
+        1, -1: way in which what rubs went over the points in it; 0: they stick.
+    slipped : array, shape (k,), m
+        Since they stuck.
+    work : float, J
+        Of the load and of what rubs.
+    dissipated : float, J
+        By friction: its force in a step times the slip.
+    damped : float, J
+        By viscosity.
+    """
+
+    time: float
+    motion: Motion
+    pull: Floats
+    slid: Floats
+    slipped: Floats
+    work: float = 0.0
+    dissipated: float = 0.0
+    damped: float = 0.0
+
+
+class Rubbing:
+    """``M a + C v + K u = f + B^T p`` with friction p against something that moves evenly.
+
+    Parameters
+    ----------
+    system : MatrixSystem
+    rows : array, shape (k, n)
+        Points that are rubbed on, B.
+    kinetic : float, N
+        Friction limit of each when slipping.
+    friction : Friction
+        How it weakens.
+    speed : float, m/s
+        Of what rubs on them.
+    load : callable, optional
+        Takes a time, s; returns the force on the system, shape (n,), N.
+    weights : Weights, optional
+        `MEAN` or `END`.
+    """
+
+    def __init__(
+        self,
+        system: MatrixSystem,
+        rows: Floats,
+        kinetic: float,
+        friction: Friction,
+        *,
+        speed: float,
+        load: Callable[[float], Floats] | None = None,
+        weights: Weights = MEAN,
+    ) -> None:
+        self.system, self.rows, self.friction = system, rows, friction
+        self.kinetic: Floats = np.full(len(rows), kinetic)
+        self.speed, self.weights = speed, weights
+        self._load = load
+        self._steppers: dict[float, tuple[ImplicitStepper, Floats]] = {}
+
+    def load(self, time: float) -> Floats:
+        """Return the force on the system, shape (n,), N."""
+        return np.zeros(self.system.size) if self._load is None else self._load(time)
+
+    def start(self, u: Floats, v: Floats) -> Rest:
+        """Return a start from displacement and velocity; what moves with its partner sticks."""
+        away = self.speed - self.rows @ v
+        slid, motion = np.sign(away), Motion(u, v, np.zeros_like(u))
+        pull, slipped = slid * self.kinetic, np.where(slid == 0.0, 0.0, np.inf)
+        force = self.load(0.0) + self.rows.T @ pull
+        a = self.system.factor(1.0, 0.0, 0.0).solve(force - self.system.products(None, v, u))
+        return Rest(0.0, dataclasses.replace(motion, a=a), pull, slid, slipped)
+
+    def _ready(self, duration: float, *, keep: bool) -> tuple[ImplicitStepper, Floats]:
+        if duration in self._steppers:
+            return self._steppers[duration]
+        stepper = ImplicitStepper(self.system, duration, self.weights)
+        found = stepper, stepper.factor.solve(self.rows.T).reshape(self.rows.T.shape)
+        if keep:
+            self._steppers[duration] = found
+        return found
+
+    def step(self, old: Rest, duration: float, *, keep: bool = True) -> Rest:
+        """Return the state a step later."""
+        stepper, columns = self._ready(duration, keep=keep)
+        force = self._force(old, duration)
+        free = stepper.free_motion(old.motion, force)
+        before, way = self.rows @ old.motion.u, self.speed * duration
+        late = 0.5 * (way - duration * (self.rows @ old.motion.v))
+        rub = Rub(
+            friction=self.friction,
+            kinetic=self.kinetic,
+            slipped=old.slipped,
+            travel=before + way,
+            old=old.pull,
+            lengths=np.ones(len(before)),
+            lag=old.slid * np.maximum(old.slid * late, 0.0),
+        )
+        pull, slip, _ = rub.solve(self.rows @ columns, self.rows @ free, old.pull)
+        motion = stepper.advance(old.motion, free + columns @ pull)
+        apart = way - (self.rows @ motion.u - before)
+        mean = 0.5 * (self.load(old.time) + self.load(old.time + duration))
+        moved = motion.u - old.motion.u
+        drag = self.system.products(None, 0.5 * (old.motion.v + motion.v), None)
+        work = float(pull.sum() * way + mean @ moved)
+        return Rest(
+            time=old.time + duration,
+            motion=motion,
+            pull=pull,
+            slid=np.sign(slip),
+            slipped=rub.after(slip),
+            work=old.work + work,
+            dissipated=old.dissipated + float(pull @ apart),
+            damped=old.damped + float(drag @ moved),
+        )
+
+    def _force(self, old: Rest, duration: float) -> Floats:
+        """Return the load where the step is balanced."""
+        before, share = self.load(old.time), self.weights.force
+        return share * before + (1.0 - share) * self.load(old.time + duration)
+
+    def missing(self, start: Rest, end: Rest) -> float:
+        """Return the work that is not accounted for, over the work, between two states."""
+        energies = [
+            kinetic_energy(self.system, state.motion.v) + self.system.strain_energy(state.motion.u)
+            for state in (start, end)
+        ]
+        spent = energies[1] - energies[0] + end.dissipated - start.dissipated
+        spent += end.damped - start.damped
+        work = end.work - start.work
+        return abs(work - spent) / abs(work)
+
+    def iterate(self, state: Rest, step: float, count: int) -> Iterator[Rest]:
+        """Yield the states after steps of one duration."""
+        for _ in range(count):
+            state = self.step(state, step)
+            yield state
+
+    def last(self, state: Rest, step: float, count: int) -> Rest:
+        """Return the state after steps of one duration."""
+        for _ in range(count):
+            state = self.step(state, step)
+        return state
+
+    # one point, with its events located
+
+    def located(self, state: Rest, step: float, until: float) -> Iterator[Rest]:
+        """Yield the states of a single point, with steps cut where it sticks or breaks loose."""
+        while state.time < until - FINE * step:
+            duration = min(step, until - state.time)
+            event = self._event(state, duration)
+            if event is None:
+                state = self.step(state, duration, keep=duration == step)
+            else:
+                new = self.step(state, event, keep=False)
+                state = self._at_event(new, sliding=bool(state.slid[0]))
+            yield state
+
+    def _event(self, state: Rest, duration: float) -> float | None:
+        """Return the duration after which the point sticks or breaks loose; None: not so soon."""
+
+        def ahead(tried: float) -> float:
+            if state.slid[0] == 0.0:
+                return self._limit() - abs(self.reaction(self.step(state, tried, keep=False)))
+            motion = self._sliding(state, tried)
+            return float(state.slid[0] * (self.speed - self.rows @ motion.v)[0])
+
+        tiny = 1e-9 * duration
+        if ahead(tiny) <= 0.0 or ahead(duration) > 0.0:
+            return None
+        return float(brentq(ahead, tiny, duration, xtol=FINE * duration))
+
+    def _sliding(self, state: Rest, duration: float) -> Motion:
+        """Return the motion if the points slide on."""
+        stepper, columns = self._ready(duration, keep=False)
+        free = stepper.free_motion(state.motion, self._force(state, duration))
+        return stepper.advance(state.motion, free + columns @ (state.slid * self.kinetic))
+
+    def _limit(self) -> float:
+        return float(self.friction.limits(self.kinetic, np.zeros(len(self.kinetic)))[0])
+
+    def reaction(self, state: Rest) -> float:
+        """Return the force that a point takes to keep its velocity, N: a multiplier, not M a."""
+        inverse, motion = self.system.factor(1.0, 0.0, 0.0), state.motion
+        force = self.load(state.time)
+        free = inverse.solve(force - self.system.products(None, motion.v, motion.u))
+        gentle = self.rows @ inverse.solve(self.rows.T).reshape(self.rows.T.shape)
+        return -float(np.linalg.solve(gentle, self.rows @ free)[0])
+
+    def _at_event(self, state: Rest, *, sliding: bool) -> Rest:
+        """Let the point stick or break loose, with the acceleration that it then has."""
+        motion, none = state.motion, np.zeros(1)
+        needed = self.reaction(state)
+        if sliding and abs(needed) <= self._limit():
+            pull, slid, slipped = np.array([needed]), none, none
+        else:  # it breaks loose, or turns round at once
+            slid = np.array([np.sign(needed)])
+            pull, slipped = slid * self.kinetic, none
+        force = self.load(state.time) + self.rows.T @ pull
+        rest = force - self.system.products(None, motion.v, motion.u)
+        a = self.system.factor(1.0, 0.0, 0.0).solve(rest)
+        fresh = Motion(motion.u, motion.v, a, motion.parts)
+        return dataclasses.replace(state, motion=fresh, pull=pull, slid=slid, slipped=slipped)

@@ -1,0 +1,63 @@
+"""Scenes that several reference problems push a needle into."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from needlefem.geometry.contour import Contour
+from needlefem.materials import Isotropic
+from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Region, Scene, Stage, Support
+
+SIZE, CENTRE, RADIUS = 0.06, (0.036, 0.025), 0.012
+"""Edge of the square, centre and radius of the organ, m."""
+MODULI = {"gel": 30e3, "stiff": 90e3}
+"""Young's moduli, Pa."""
+
+
+def organ_in_gel(
+    element: str,
+    divisions: int,
+    spacing: float,
+    *,
+    max_depth: float,
+    stages: Sequence[Stage] = (),
+    tip_radius: float = 3e-3,
+    friction: float = 10e3,
+    corners: int = 48,
+) -> Scene:
+    """Return a stiff disc in a square of gel that a needle passes beside its middle.
+
+    Parameters
+    ----------
+    element : str
+    divisions : int
+        Squares along every side.
+    spacing : float, m
+        Length of the path's pieces.
+    max_depth : float, m
+    stages : sequence of Stage
+        Of the motion; one push when left out.
+    tip_radius : float, m
+    friction : float, Pa
+    corners : int
+        Of the polygon that outlines the disc.
+    """
+    turn = 2.0 * np.pi * np.arange(corners) / corners
+    outline = np.array(CENTRE) + RADIUS * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return Scene(
+        title="organ in gel",
+        axes=("y", "z"),
+        mesh=BoxMesh(size=(SIZE, SIZE), divisions=(divisions, divisions)),
+        materials={
+            name: Isotropic(youngs_modulus=modulus, poissons_ratio=0.45)
+            for name, modulus in MODULI.items()
+        },
+        background="gel",
+        regions={"organ": Region(contour=Contour(outline), material="stiff")},
+        supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
+        discretisation=Discretisation(element=element, path_spacing=spacing),
+        needle=Needle(tip_radius=tip_radius, cutting_force=50.0, shaft_friction=friction),
+        motion=Motion(
+            direction=(0.0, 1.0), entry=(0.0287, 0.0), max_depth=max_depth, stages=tuple(stages)
+        ),
+    )
