@@ -15,10 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from needlefem.bench import benchmark
 from needlefem.casefile.load import load_case
+from needlefem.cli.experiments import benchmark, study
 from needlefem.cli.main import main, parser_of
-from needlefem.studies import study
 from tests.pages import PAGES, ROOT, WHOLE
 
 PAPER = "cases/prostate-2003/case.toml"
@@ -52,7 +51,7 @@ ELSEWHERE = {
     "gland.csv": "needs outlines: tutorial/own-anatomy has them and is run",
 }
 """Commands that want a reader's file, and where they are run."""
-ONE = "m06_rayleigh"
+ONE = "rayleigh"
 """The reference problem that is run where a command means the whole suite: `make verify` runs it,
 and `make test` its quick part."""
 LINE = re.compile(r"^(?: {4}|\$ )((?:needlefem|make|pip|python) .*)$", re.MULTILINE)
@@ -109,7 +108,7 @@ def shortened(arguments: list[str]) -> list[str]:
         return [*arguments, "--size", "320x180", "--out", "picture.png"]
     if name in ("plan", "run", "modes") and "--json" not in arguments:
         return [*arguments, "--no-pictures"]
-    if name == "verify" and not {"--element", "--integrator", "s14_bimaterial_bar"} & {*arguments}:
+    if name == "verify" and not {"--element", "--integrator", "bimaterial_bar"} & {*arguments}:
         return [*arguments, ONE]
     return arguments
 

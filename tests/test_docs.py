@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import needlefem
-from needlefem.studies import STUDIES
+from needlefem.cli.experiments import studies
 from needlefem.units import UNITS
 from tests.pages import DOCS, PAGES, ROOT, WHOLE, site
 
@@ -112,6 +112,6 @@ def test_readme_example_runs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     assert (tmp_path / "deformed.png").exists()
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", studies())
 def test_every_study_is_documented(name: str) -> None:
     assert any(f"study {name}" in page.read_text() for page in PAGES)

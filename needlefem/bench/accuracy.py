@@ -1,4 +1,4 @@
-"""Error of a plan against seconds: elements, sizes, steps, kernels, couplings and regimes."""
+"""Error of a plan against seconds: elements, sizes, steps, kernels and regimes."""
 
 import dataclasses
 import math
@@ -10,8 +10,6 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem._table import Table
-from needlefem.alterovitz2003.plan import paper_plan
-from needlefem.alterovitz2003.simulation import InTime
 from needlefem.bench.timing import median
 from needlefem.casefile.load import load_case
 from needlefem.checks.work_precision import Point, front
@@ -99,10 +97,6 @@ def entrants(scene: Scene) -> list[Entrant]:
         label = f"accuracy = {1e3 * accuracy:g} mm"
         changes = {"planning.accuracy": accuracy}
         found.append(Entrant("chosen", label, _planned(scene, changes)))
-    nodes = with_element(scene, "P1")
-    for spread in (False, True):
-        label = "conforming P1, " + ("as thick as ours" if spread else "forces on nodes")
-        found.append(Entrant("coupling", label, _conforming(nodes, InTime(spread=spread))))
     return found
 
 
@@ -155,10 +149,6 @@ def _planned(
 ) -> Callable[[], Plan]:
     varied = vary(scene if element is None else with_element(scene, element), changes)
     return lambda: plan(varied)
-
-
-def _conforming(scene: Scene, numbers: InTime) -> Callable[[], Plan]:
-    return lambda: paper_plan(scene, numbers).plan
 
 
 def _timed(go: Callable[[], Plan]) -> tuple[Plan, float]:

@@ -7,8 +7,8 @@ from needlefem.checks.models import distorted_mesh
 from needlefem.checks.result import CheckResult
 from needlefem.elements import ElementRow
 from needlefem.elements.quadrature import gauss, simplex
+from needlefem.elements.shape_functions import shape_table
 from needlefem.fem.function_space import Space
-from needlefem.fem.shapes import shape_table
 
 SIMPLEX = ("triangle", "tetrahedron")
 

@@ -4,6 +4,7 @@ import dataclasses
 import importlib.util
 import json
 import math
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,8 @@ from needlefem.checks.work_precision import Race
 from needlefem.errors import CaseError, nearest
 from needlefem.fem.boundary_value_problem import Solution
 
+OTHER_FOLDERS = ("support", "studies", "benchmarks")
+"""Subfolders of a folder of problems in which no problems are."""
 RECORD_TOLERANCE = 1e-8
 """Change against the own record, relative, that counts as a change of the code."""
 
@@ -163,14 +166,15 @@ class Verdict:
 
 
 def load_problems(folder: Path, names: Sequence[str] = ()) -> list[Problem]:
-    """Return the problems of a folder, each from a file's ``PROBLEM``, in the files' order.
+    """Return the problems of a folder and of its subfolders, each from a file's ``PROBLEM``.
 
     Raises
     ------
     CaseError
         No such folder, or an unknown name.
     """
-    files = sorted(folder.glob("[a-z]*.py"))
+    files = [*sorted(folder.glob("[a-z]*.py")), *sorted(folder.glob("[a-z]*/[a-z]*.py"))]
+    files = [file for file in files if file.parent.name not in OTHER_FOLDERS]
     if not files:
         remedy = "give 'verification' of a source tree, or a folder of yours"
         raise CaseError("--problems", f"no problems in '{folder}'", remedy)
@@ -178,7 +182,15 @@ def load_problems(folder: Path, names: Sequence[str] = ()) -> list[Problem]:
     for name in names:
         if name not in known:
             raise CaseError("names", f"no problem '{name}'", nearest(name, known))
+    make_importable(folder)
     return [_load(known[name]) for name in names or known]
+
+
+def make_importable(folder: Path) -> None:
+    """Let Python find the package that a folder of problems is: what its files share."""
+    place = str(folder.resolve().parent)
+    if place not in sys.path:
+        sys.path.append(place)
 
 
 def _load(file: Path) -> Problem:

@@ -3,30 +3,28 @@
 import argparse
 from pathlib import Path
 
-from needlefem.bench import BENCHMARKS, benchmark
 from needlefem.cli.common import named, say, say_json
+from needlefem.cli.experiments import benchmark, benchmarks, comparison
+from needlefem.cli.installation import machine
 from needlefem.errors import CaseError
 from needlefem.io.files import probe, write_json, write_text
-from needlefem.io.info import machine
 from needlefem.io.result_folder import held_by
 from needlefem.plotting.verification_report import chart_page
-from verification.benchmarks import against
 
 
 def main(options: argparse.Namespace) -> int:
     """Run a benchmark on a case and print its table; 1 if a ratio is beyond its bound."""
     if options.benchmark == "list":
-        for name, sentence in BENCHMARKS.items():
+        for name, sentence in benchmarks().items():
             say(f"{name:14s}{sentence}")
         return 0
     run = benchmark(options.benchmark)
     folder = None if options.out is None else Path(named(options.out))
     if folder is not None:
         _free(folder, options.benchmark)
-    if options.against is None:
-        table = run(options.case)
-    else:
-        table = against.run(options.benchmark, options.case, Path(named(options.against)))
+    if options.against is not None:
+        run = comparison(options.benchmark, Path(named(options.against)))
+    table = run(options.case)
     record = {"benchmark": options.benchmark, **table.record(), "machine": machine()}
     if folder is not None:
         (folder / f"{options.benchmark}.html").unlink(missing_ok=True)

@@ -3,12 +3,11 @@
 import argparse
 from collections.abc import Mapping
 
-from needlefem.bench import BENCHMARKS
+from needlefem.cli.experiments import benchmarks, studies
 from needlefem.cli.main import COMMANDS, parser_of
-from needlefem.studies import STUDIES
 
-NAMED = {"study": STUDIES, "bench": BENCHMARKS}
-"""Commands whose first argument is one of some names."""
+NAMED = {"study": studies, "bench": benchmarks}
+"""Commands whose first argument is one of some names, and what returns these."""
 SHARED = ("help", "json", "debug", "allow_code")
 """What every command has is said once, on the page."""
 
@@ -23,7 +22,7 @@ def describe_commands() -> str:
         head = ["| argument | meaning | default |", "|---|---|---|"]
         table = ["", *head, *rows] if rows else []
         sentence = COMMANDS[name][0].upper() + COMMANDS[name][1:] + "."
-        names = _names(NAMED.get(name, {}))
+        names = _names(NAMED[name]() if name in NAMED else {})
         parts.append("\n".join([f"## `needlefem {name}`", "", sentence, *table, *names]))
     return "\n\n".join(parts) + "\n"
 

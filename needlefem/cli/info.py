@@ -3,7 +3,7 @@
 import argparse
 
 from needlefem.cli.common import say, say_json
-from needlefem.io.info import info, lines
+from needlefem.cli.installation import info, lines
 
 
 def main(options: argparse.Namespace) -> int:

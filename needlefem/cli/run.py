@@ -38,10 +38,10 @@ from needlefem.io.records import (
     seed_record,
 )
 from needlefem.io.result_folder import ResultFolder
-from needlefem.io.snapshots import write_snapshots
 from needlefem.needle.clearance import passings
 from needlefem.plotting.motion_figures import draw_forces, draw_sticking
 from needlefem.plotting.scanner import scanner_lines, with_scanner
+from needlefem.plotting.snapshots import write_snapshots
 from needlefem.scene import Scene
 from needlefem.scene.limits import check_count
 
@@ -123,7 +123,7 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     warnings = [*simulation.warnings, *strains.warnings()]
     warnings += overlaps(simulation.model.mesh, simulation.scene.contours)
     deepest = max(float(insertion.depths.max()), 0.0)
-    passed = passings(insertion.scene, insertion.axis, deepest)
+    passed = passings(insertion.scene.obstacles, insertion.axis, deepest)
     warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]
     if insertion.snaps:
         warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")

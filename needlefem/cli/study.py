@@ -4,15 +4,15 @@ import argparse
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import say, say_json
+from needlefem.cli.experiments import PAIRED, studies, study
 from needlefem.cli.ignored import refuse_unused_options
 from needlefem.io.expectations import judged
-from needlefem.studies import PAIRED, STUDIES, study
 
 
 def main(options: argparse.Namespace) -> int:
     """Run a study on a case and print its tables; 1 if something demanded doesn't hold."""
     if options.study == "list":
-        for name, sentence in STUDIES.items():
+        for name, sentence in studies().items():
             say(f"{name:14s}{sentence}")
         return 0
     run = study(options.study)

@@ -9,7 +9,7 @@ import numpy as np
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
 from needlefem._pickling import lasting_state
 from needlefem.elements import ElementRow
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import forms as assembly
 from needlefem.fem.interpolation import Interpolation
 
@@ -119,3 +119,14 @@ class Space:
     def displacement_at(self, dofs: Floats, points: Points) -> Points:
         """Return u at points anywhere in the tissue, shape (n, dim), m."""
         return self.interpolation.at(points).of(self.nodal(dofs))
+
+    def face(self, name: str, key: str) -> Ints:
+        """Return the facets of a named face; `key` is where the name stands, for messages."""
+        present = self.mesh.boundaries or {}
+        if not present:
+            remedy = "name groups of edges in the mesh file (docs/how-to/own-mesh.md)"
+            raise CaseError(key, f"no face {short(name)}: the mesh names no edges", remedy)
+        if name not in present:
+            raise CaseError(key, f"no face {short(name)}", nearest(name, present))
+        facets: Ints = present[name]
+        return facets

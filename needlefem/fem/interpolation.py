@@ -8,7 +8,7 @@ import numpy as np
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
 from needlefem._pickling import Lasting
 from needlefem.elements import ElementRow
-from needlefem.fem.shapes import shape_table
+from needlefem.elements.shape_functions import shape_table
 from needlefem.mesh.cell_location import Locator
 from needlefem.mesh.cell_map import Inverse
 from needlefem.mesh.surface import Surface

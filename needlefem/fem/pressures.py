@@ -11,8 +11,8 @@ from scipy.sparse import block_array, vstack
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
+from needlefem.elements.shape_functions import shape_table
 from needlefem.fem import forms as assembly
-from needlefem.fem.shapes import shape_table
 
 
 class Pressures:

@@ -7,15 +7,15 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, SkfemMesh, Sparse
 from needlefem.elements import ElementRow
-from needlefem.errors import CaseError, nearest, short
+from needlefem.elements.shape_functions import shape_table
+from needlefem.errors import CaseError
 from needlefem.fem import forms as assembly
 from needlefem.fem.factorization import Factor
 from needlefem.fem.function_space import Space
-from needlefem.fem.shapes import shape_table
 from needlefem.fem.stiffness import Stiffness
+from needlefem.fem.supports import Support, supported_dofs
 from needlefem.materials import Material, Split, branches_of, plane_split, split
 from needlefem.mesh.cell_map import cell_measures
-from needlefem.scene import Support
 
 
 class Model(Space):
@@ -58,24 +58,10 @@ class Model(Space):
         super().__init__(mesh, element)
         self.axes, self.plane = axes, plane
         self.materials, self.supports = materials, supports
-        self.held_dofs = self._held_dofs()
+        self.held_dofs = supported_dofs(self, supports, axes)
         self.free_dofs: Ints = np.setdiff1d(np.arange(self.ndofs), self.held_dofs)
         if not floating:
             self._refuse_rigid_motion()
-
-    def _held_dofs(self) -> Ints:
-        held = [np.zeros(0, dtype=np.intp)]
-        for name, support in self.supports.items():
-            for axis in set(support.fixed) - set(self.axes):
-                remedy = nearest(axis, self.axes)
-                raise CaseError(f"supports.{name}.fixed", f"no axis {short(axis)}", remedy)
-            components = [self.axes.index(axis) for axis in support.fixed or self.axes]
-            for region in support.regions:
-                nodes = np.unique(self.cell_nodes[self.mesh.subdomains[region]])
-                held.append(self.node_dofs[nodes][:, components].ravel())
-            faces = [self._face(face, f"supports.{name}.faces") for face in support.faces]
-            held += [self.dofs_on(facets, components) for facets in faces]
-        return np.unique(np.concatenate(held))
 
     def _refuse_rigid_motion(self) -> None:
         motions = self.rigid_motions
@@ -156,19 +142,8 @@ class Model(Space):
         CaseError
             There is no such face.
         """
-        facets = self._face(face, "face")
+        facets = self.face(face, "face")
         return assembly.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
-
-    def _face(self, name: str, key: str) -> Ints:
-        """Return the facets of a named face."""
-        present = self.mesh.boundaries or {}
-        if not present:
-            remedy = "name groups of edges in the mesh file (docs/how-to/own-mesh.md)"
-            raise CaseError(key, f"no face {short(name)}: the mesh names no edges", remedy)
-        if name not in present:
-            raise CaseError(key, f"no face {short(name)}", nearest(name, present))
-        facets: Ints = present[name]
-        return facets
 
     @cached_property
     def density(self) -> Floats:

@@ -16,7 +16,6 @@ from needlefem.mesh.entry import place_text
 from needlefem.needle.insertion_axis import Axis
 from needlefem.needle.needle_interface import Instrument
 from needlefem.scene import Scene
-from needlefem.shown import Shown
 
 
 class Status(StrEnum):
@@ -177,7 +176,7 @@ class Ledger:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Insertion(Shown):
+class Insertion:
     """What happened while the needle was pushed in.
 
     Parameters

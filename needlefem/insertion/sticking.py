@@ -14,10 +14,10 @@ import numpy as np
 
 from needlefem.checks.result import CheckResult
 from needlefem.contact.friction import Friction, stick_condition
+from needlefem.contact.straight_contact import straight_path
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import Responses
 from needlefem.needle.needle_interface import Instrument
-from needlefem.needle.straight import straight_path
 from needlefem.scene import Needle
 
 STICK_CONDITION = 1e9

@@ -20,7 +20,6 @@ from needlefem.io.record_shape import (
     require_same_histories,
 )
 from needlefem.io.result_folder import mark_of
-from needlefem.shown import Shown
 
 KINDS = {
     "plan.json": "plan",
@@ -36,7 +35,7 @@ VTU_END = b"</VTKFile>"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class SavedResult(Shown):
+class SavedResult:
     """What a command wrote into a folder.
 
     Parameters

@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
+from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError
-from needlefem.fem.shapes import shape_table
 
 Inverse = Callable[[Points], Points]
 """Takes one point a cell, shape (n, dim), m; returns them in the reference cell."""

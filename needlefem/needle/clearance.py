@@ -6,13 +6,14 @@ geometry.
 """
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
 from needlefem.geometry.contour import Contour
 from needlefem.needle.insertion_axis import Axis
-from needlefem.scene import Scene
 
 EDGE = 1e-9
 """Distance by which a needle at the edge of what is allowed may come too near by round-off, m."""
@@ -47,11 +48,27 @@ class Passing:
         return f"{away} '{self.obstacle}' (clearance {100.0 * self.clearance:.3g} cm)"
 
 
-def passings(scene: Scene, axis: Axis, depth: float) -> tuple[Passing, ...]:
-    """Return how a needle with its tip at a depth (m) passes the obstacles of a scene."""
+class HasClearance(Protocol):
+    """What a needle has to keep away from: a filled contour and the least distance, m."""
+
+    @property
+    def contour(self) -> Contour:
+        """Its outline, fixed in space."""
+        ...
+
+    @property
+    def clearance(self) -> float:
+        """Least distance of the needle's line, m."""
+        ...
+
+
+def passings(
+    obstacles: Mapping[str, HasClearance], axis: Axis, depth: float
+) -> tuple[Passing, ...]:
+    """Return how a needle with its tip at a depth (m) passes obstacles, by their names."""
     return tuple(
         Passing(name, distance(axis, depth, obstacle.contour), obstacle.clearance)
-        for name, obstacle in scene.obstacles.items()
+        for name, obstacle in obstacles.items()
     )
 
 

@@ -39,7 +39,7 @@ class Obstacles:
 
     def passings(self, release_point: Vector) -> tuple[Passing, ...]:
         """Return how a needle with its tip at a point passes every obstacle."""
-        return passings(self._scene, Axis(release_point, self._level.direction), 0.0)
+        return passings(self._scene.obstacles, Axis(release_point, self._level.direction), 0.0)
 
     def barrier(self, release: Release | None) -> Passing | None:
         """Return the obstacle to which a release comes nearest of those it is too near."""

@@ -11,7 +11,6 @@ from needlefem.insertion.result import Insertion, Ledger
 from needlefem.insertion.validity import Validity
 from needlefem.needle.clearance import Passing
 from needlefem.planning.search import Solution
-from needlefem.shown import Shown
 
 
 class PlanStatus(StrEnum):
@@ -161,7 +160,7 @@ class Evidence:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Plan(Shown):
+class Plan:
     """The outcome of planning.
 
     Parameters

@@ -3,8 +3,8 @@
 import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points
+from needlefem.elements.shape_functions import ShapeTable, shape_table
 from needlefem.fem.function_space import Space
-from needlefem.fem.shapes import ShapeTable, shape_table
 
 PIECES = 20_000
 """Triangles and quadrilaterals that curved cells are cut into, about."""

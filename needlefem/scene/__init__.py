@@ -1,5 +1,6 @@
 """The scene: all that a case says, as plain frozen dataclasses in SI units."""
 
+from needlefem.fem.supports import Support
 from needlefem.scene.discretization import DYNAMIC, Discretisation, Limits, Rayleigh
 from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
 from needlefem.scene.schema import (
@@ -12,7 +13,6 @@ from needlefem.scene.schema import (
     Region,
     Scene,
     Stage,
-    Support,
     TargetDraw,
     point_of,
 )

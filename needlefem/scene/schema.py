@@ -10,12 +10,12 @@ import numpy as np
 
 from needlefem._parameter import Knob, knob
 from needlefem.errors import CaseError, nearest, short
+from needlefem.fem.supports import Support
 from needlefem.geometry.contour import Contour
 from needlefem.geometry.image_frame import Frame
 from needlefem.materials import Material
 from needlefem.scene.discretization import Discretisation, Limits, Rayleigh
 from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
-from needlefem.shown import Shown
 from needlefem.validation import Validated, converted, made, validate
 
 ROUND_OFF = 1e-15
@@ -61,17 +61,6 @@ class Region(Validated):
         """Convert and check; corners as an array or a list become a contour."""
         object.__setattr__(self, "contour", _contour(self.contour, f"{self.TABLE}.contour"))
         super().__post_init__()
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Support(Validated):
-    """Faces and regions in which displacement components are held at zero."""
-
-    TABLE = "supports.NAME"
-
-    faces: tuple[str, ...] = knob("Named faces of the mesh", default=())
-    regions: tuple[str, ...] = knob("Regions held as a whole, such as bone", default=())
-    fixed: tuple[str, ...] = knob("Axes whose displacement is held; all when left out", default=())
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -300,7 +289,7 @@ class Expectation(Validated):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Scene(Shown, Validated):
+class Scene(Validated):
     """All that a case says. Points are in metres, in the order of `axes`."""
 
     TABLE = ""

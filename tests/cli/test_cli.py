@@ -184,10 +184,10 @@ def test_expectations_of_another_case_are_not_compared(
         (("modes", CASE, "--set", "outputs.folder=there"), "are written to --out DIR"),
         (("plan", CASE, "--set", "planning.directions=[[0.1, 1.0]]"), "no obstacle makes a plan"),
         (("study", "energy", CASE, "--on", CASE), "--on: would be ignored: study 'energy'"),
-        (("verify", "s01_patch", "--element", "P1"), "s01_patch: would be ignored"),
+        (("verify", "patch_test", "--element", "P1"), "patch_test: would be ignored"),
         (("verify", "--element", "P1", "--quick"), "--quick: would be ignored"),
-        (("verify", "--plane", "stress", "s01_patch"), "--plane: would be ignored"),
-        (("verify", "--set", "alpha=1", "s01_patch"), "--set alpha=1: would be ignored"),
+        (("verify", "--plane", "stress", "patch_test"), "--plane: would be ignored"),
+        (("verify", "--set", "alpha=1", "patch_test"), "--set alpha=1: would be ignored"),
         (("verify", "--integrator", "hht", "--element", "P1"), "--element: would be ignored"),
     ],
 )
@@ -293,19 +293,19 @@ def test_no_renderer_ends_with_4(
 
 def test_verify_one_problem(capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(ROOT / "verification")
-    status, out, _ = run(capsys, "verify", "s01_patch", "--problems", folder)
+    status, out, _ = run(capsys, "verify", "patch_test", "--problems", folder)
     assert status == 0
     assert "P2, nu 0.4999: largest error" in out
-    status, out, _ = run(capsys, "verify", "s01_patch", "--problems", folder, "--json")
+    status, out, _ = run(capsys, "verify", "patch_test", "--problems", folder, "--json")
     record = json.loads(out)
     assert record["passed"]
     assert all(item["reference_met"] for item in record["problems"][0]["answers"])
 
 
 def test_verify_unknown_problem(capsys: pytest.CaptureFixture[str]) -> None:
-    status, _, err = run(capsys, "verify", "s01_pach", "--problems", str(ROOT / "verification"))
+    status, _, err = run(capsys, "verify", "patch_tst", "--problems", str(ROOT / "verification"))
     assert status == 2
-    assert "did you mean 's01_patch'?" in err
+    assert "did you mean 'patch_test'?" in err
 
 
 OWN = """

@@ -4,8 +4,8 @@ from skfem import Basis, MeshQuad
 
 from needlefem.checks.models import square_mesh
 from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.elements.shape_functions import ShapeTable
 from needlefem.fem.interpolation import Interpolation, OutsideError
-from needlefem.fem.shapes import ShapeTable
 from needlefem.mesh.cell_location import Locator
 from needlefem.mesh.cell_map import BilinearMap
 from needlefem.mesh.generation import box, into_quadrilaterals, near_segment, refine

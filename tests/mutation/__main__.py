@@ -27,11 +27,19 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
-CORE = ("insertion", "needle", "fem", "dynamics", "materials", "elements", "planning")
+CORE = (
+    "insertion",
+    "contact",
+    "needle",
+    "fem",
+    "mesh",
+    "dynamics",
+    "materials",
+    "elements",
+    "planning",
+)
 """Rooms of the numerical core."""
-STUDIES = ("studies", "paper.py", "conforming.py", "nodecontact.py", "nodesimulation.py")
-"""Parts of these rooms that no plan and no insertion runs."""
-TESTS = ("insertion", "needle", "fem", "dynamics", "materials", "checks", "planning")
+TESTS = ("insertion", "needle", "fem", "mesh", "dynamics", "materials", "checks", "planning")
 """Rooms of tests that compute."""
 COPIED = ("needlefem", "tests", "verification", "cases", "pyproject.toml", "docs")
 LONGEST = 1500.0
@@ -65,8 +73,7 @@ class Mutant(NamedTuple):
 
 def modules() -> list[Path]:
     """Return the modules of the core."""
-    found = [path for room in CORE for path in sorted((ROOT / "needlefem" / room).rglob("*.py"))]
-    return [p for p in found if not set(STUDIES) & set(p.relative_to(ROOT).parts)]
+    return [path for room in CORE for path in sorted((ROOT / "needlefem" / room).rglob("*.py"))]
 
 
 def mutants(path: Path) -> list[Mutant]:

@@ -19,6 +19,7 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan
 from needlefem.plotting.motion_figures import draw_forces, draw_sticking
+from needlefem.plotting.notebook import html_of, png_of
 from needlefem.plotting.plan_figures import draw_depth, draw_height, planner_of
 from needlefem.plotting.render import Shot, panels, render
 from needlefem.plotting.setup_figure import draw_setup
@@ -132,10 +133,10 @@ def test_a_block_of_tetrahedra_is_as_kept(block, gel: Scene, tmp_path: Path) -> 
     insertion = push(block, np.array([0.0, 0.0, 1.0]), solid(gel))
     render(insertion, tmp_path / "new.png", shot=Shot(size=SIZE, field="displacement"))
     check(tmp_path / "new.png", "block")
-    picture = insertion._repr_png_()
+    picture = png_of(insertion)
     assert picture is not None
     assert picture.startswith(b"\x89PNG")
-    assert "(x, y, z) = " in insertion._repr_html_()
+    assert "(x, y, z) = " in html_of(insertion)
 
 
 def test_another_picture_is_not_alike(pushed: Insertion, tmp_path: Path) -> None:

@@ -2,12 +2,17 @@ import struct
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from needlefem import _register_formatters
+from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import simulate
 from needlefem.io.saved_result import SavedResult
 from needlefem.planning.plan import plan
+from needlefem.planning.result import Plan
 from needlefem.plotting import backend as driver
 from needlefem.plotting.notebook import SIZE, html_of, png_of
 from needlefem.scene import Scene, vary
@@ -15,29 +20,47 @@ from needlefem.scene import Scene, vary
 
 def test_a_plan_shows_itself(gel: Scene) -> None:
     found = plan(vary(gel, {"title": "<gel>"}))
-    html = found._repr_html_()
+    html = html_of(found)
     assert found.best is not None
     release = ", ".join(f"{100 * x:.3f}" for x in found.best.release_point)
     assert f"(y, z) = ({release}) cm" in html
     assert "planned" in html
     assert "&lt;gel&gt;" in html
-    picture = found._repr_png_()
+    picture = png_of(found)
     assert picture is not None
     assert struct.unpack(">II", picture[16:24]) == SIZE
 
 
 def test_a_scene_and_a_result_show_themselves(gel: Scene, tmp_path: Path) -> None:
-    html = gel._repr_html_()
+    html = html_of(gel)
     assert "(y, z) = (2.870, 2.000) cm" in html
     assert "cuts at 50 N/m" in html
-    picture = gel._repr_png_()
+    picture = png_of(gel)
     assert picture is not None
     assert struct.unpack(">II", picture[16:24]) == SIZE
     record = {"status": "completed", "sentence": "reached <3> cm"}
     path = tmp_path / "run.json"
     found = SavedResult(kind="run", path=path, record=record, tables={}, snapshots=())
-    assert "reached &lt;3&gt; cm" in found._repr_html_()
-    assert found._repr_png_() is None
+    assert "reached &lt;3&gt; cm" in html_of(found)
+    assert png_of(found) is None
+
+
+def test_a_shell_gets_formatters_for_what_it_shows(gel: Scene) -> None:
+    registered: dict[str, dict[tuple[str, str], Any]] = {"text/html": {}, "image/png": {}}
+    kinds = {
+        kind: SimpleNamespace(
+            for_type_by_name=lambda module, name, show, found=found: found.update(
+                {(module, name): show}
+            )
+        )
+        for kind, found in registered.items()
+    }
+    _register_formatters(SimpleNamespace(display_formatter=SimpleNamespace(formatters=kinds)))
+    for shown in (Scene, Insertion, Plan, SavedResult):
+        assert (shown.__module__, shown.__name__) in registered["text/html"]
+    show = registered["text/html"][Scene.__module__, "Scene"]
+    assert show(gel) == html_of(gel)
+    assert registered["image/png"].keys() == registered["text/html"].keys()
 
 
 def test_without_a_driver_there_is_a_table(gel: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,8 +1,8 @@
 """The tasks of a benchmark, timed one by one as another process asks for them.
 
-`verification.benchmarks.against` runs this file in the folder of another checkout, so that the package
-that it imports is the one there. A checkout is asked for no more than a benchmark which gives its
-tasks to `needlefem.bench.timing.in_turn`.
+`against` runs this file in the folder of another checkout, so that the package that it imports is
+the one there. A checkout is asked for no more than a benchmark which gives its tasks to
+`needlefem.bench.timing.in_turn`.
 """
 
 import contextlib

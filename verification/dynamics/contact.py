@@ -10,7 +10,7 @@ from needlefem.dynamics.steppers import Weights
 from verification.support.friction_system import END, MEAN, Rest, Rubbing
 
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
-"""Error of the end of a bar fixed at the other, of `d04_critical_step`."""
+"""Error of the end of a bar fixed at the other, of `critical_step`."""
 CELLS = 10
 RATIO, LENGTH = 1.5, 2e-3
 """Static over kinetic friction, and slip over which it weakens."""

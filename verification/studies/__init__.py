@@ -1,1 +1,12 @@
-"""Studies that prove this package."""
+"""Studies that prove the package, by name; each is one file with a function ``study``."""
+
+STUDIES = {
+    "steps": "a hundred thousand steps with inertia, to and fro: what drifts",
+    "cycles": "ten thousand times in and out: what drifts, what memory grows",
+    "dynamics": "an insertion with inertia against the march, as the speed goes to zero",
+    "energy": "the energy ledger by two formulas, over path spacings",
+    "extremes": "every element under incompressibility, contrast, slivers, needles on mesh lines",
+    "friction": "the force to move on after a rest, as steps get shorter, when friction weakens",
+    "stability": "extreme parameters and meshes, each with a status",
+    "trains": "seeds laid on the way back: simulated, and by the shortcut for the first",
+}

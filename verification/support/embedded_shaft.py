@@ -5,11 +5,11 @@ import numpy as np
 from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import Contact
 from needlefem.contact.friction import Friction, Rub
+from needlefem.contact.straight_contact import straight_path
 from needlefem.fem.compliance import SharedResponses
 from needlefem.fem.tissue_model import Model
 from needlefem.needle.insertion_axis import Axis
 from needlefem.needle.needle_interface import Instrument
-from needlefem.needle.straight import straight_path
 from needlefem.needle.tip_kernel import PointKernel, cross_section
 
 LATERAL_STIFFNESS = 1e9

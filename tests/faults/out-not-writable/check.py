@@ -17,7 +17,7 @@ COMMANDS = {
     "modes": ["modes", "case.toml", "--no-pictures", "--out"],
     "bench": ["bench", "imports", "case.toml", "--out"],
     "figures": ["figures", "case.toml", "--out"],
-    "verify": ["verify", "s01_patch", "--report"],
+    "verify": ["verify", "patch_test", "--report"],
 }
 
 

@@ -1,0 +1,53 @@
+"""The method of Alterovitz et al. 2003 beside the package's: seconds of a plan, and its error."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.alterovitz2003.plan import own_plan, paper_plan
+from needlefem.alterovitz2003.simulation import InTime
+from needlefem.bench.accuracy import OWN, Entrant, race
+from needlefem.bench.timing import median
+from needlefem.casefile.load import load_case
+from needlefem.errors import CaseError
+from needlefem.planning.plan import plan
+from needlefem.planning.reference_solution import Exact
+from needlefem.planning.result import Plan
+from needlefem.scene import Scene
+from needlefem.scene.resolve import with_element
+
+ROUNDS = 3
+LEAST = 20.0
+"""How many times as long the method of 2003 must take on the same mesh."""
+
+
+def run(case: str) -> Table:
+    """Time both methods, and measure the error of both against the exact tissue."""
+    scene = load_case(case)
+    if scene.target is None:
+        raise CaseError("target.point", "missing", "the benchmark plans for it")
+    paper = median([paper_plan(scene).seconds for _ in range(ROUNDS)])
+    own = median([own_plan(scene).seconds for _ in range(ROUNDS)])
+    table = race(scene, entrants(scene), Exact(scene, np.array(scene.target)))
+    ratio = paper / own
+    note = (
+        f"the method of 2003 takes {ratio:.1f} times as long ({paper:.2f} s of processor time "
+        f"against {own:.3f} s, medians of {ROUNDS}; at least {LEAST:g}); {table.note}"
+    )
+    return dataclasses.replace(table, passed=ratio >= LEAST, note=note)
+
+
+def entrants(scene: Scene) -> list[Entrant]:
+    """Return the case as it is, and the coupling of 2003 with forces on nodes or spread."""
+    found = [Entrant(OWN, "embedded needle", lambda: plan(scene))]
+    nodes = with_element(scene, "P1")
+    for spread in (False, True):
+        label = "conforming P1, " + ("as thick as ours" if spread else "forces on nodes")
+        found.append(Entrant("coupling", label, _conforming(nodes, InTime(spread=spread))))
+    return found
+
+
+def _conforming(scene: Scene, numbers: InTime) -> Callable[[], Plan]:
+    return lambda: paper_plan(scene, numbers).plan
