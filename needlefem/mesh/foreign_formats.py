@@ -71,7 +71,7 @@ def read_foreign(path: Path) -> Contents:
     limit = SECONDS + SECONDS_PER_BYTE * size
     code = (
         "import json, sys; sys.path[:] = json.loads(sys.argv[1]);"
-        "from needlefem.mesh import foreign_formats; foreign_formats.serve(sys.argv[2], int(sys.argv[3]))"
+        "from needlefem.mesh.foreign_formats import serve; serve(sys.argv[2], int(sys.argv[3]))"
     )
     memory = str(MEMORY + MEMORY_PER_BYTE * size)
     command = [sys.executable, "-P", "-c", code, json.dumps(sys.path), str(path), memory]
