@@ -13,7 +13,7 @@ from needlefem.scene import vary
 from needlefem.scene.build import build_mesh, build_model
 from tests.conftest import ROOT
 
-GMSH = ROOT / "tests" / "fem" / "gmsh"
+GMSH = ROOT / "tests" / "mesh" / "gmsh"
 TARGET = (33.0, 30.0)  # mm: the organ's centre
 ANSWERS = {
     "materials.fat.youngs_modulus": "20 kPa",
