@@ -19,7 +19,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 AS_ROOT := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 APT := $(AS_ROOT) env DEBIAN_FRONTEND=noninteractive apt-get -qq
 
-.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer commands mutants clean
+.PHONY: help install plan test verify quick lint types unit studies calibrate bench figures docs tables newcomer commands mutants dependencies dist clean
 
 help:
 	@echo "make plan       plan the paper's target, with pictures and JSON, into $(OUT)/prostate-2003"
@@ -37,6 +37,8 @@ help:
 	@echo "make commands   every command of README and docs that takes long (an hour)"
 	@echo "make newcomer   what README and docs tell a newcomer, with an installed package and no source"
 	@echo "make mutants    which wrong changes to the core the tests detect (hours)"
+	@echo "make dependencies  unit tests with the oldest and with the newest dependencies that are allowed"
+	@echo "make dist       wheel and source distribution in dist, checked"
 	@echo "make install    the environment in $(VENV), which all others make when it is missing"
 	@echo "make clean      remove $(VENV) and $(OUT)"
 
@@ -133,6 +135,21 @@ commands: install
 mutants: install
 	$(BIN)/python -m tests.mutation --count 80 --seed 11
 
+dependencies:
+	rm -rf $(OUT)/oldest $(OUT)/newest
+	$(PYTHON) -m venv $(OUT)/oldest
+	$(OUT)/oldest/bin/python -m pip install --quiet --disable-pip-version-check --requirement tests/oldest.txt --editable ".[all]"
+	$(OUT)/oldest/bin/pytest -n auto
+	$(PYTHON) -m venv $(OUT)/newest
+	$(OUT)/newest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade --upgrade-strategy eager --editable ".[all]"
+	$(OUT)/newest/bin/pytest -n auto
+
+dist: install
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check build twine
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+	$(BIN)/twine check --strict dist/*
+
 newcomer:
 	rm -rf $(OUT)/newcomer
 	$(PYTHON) -m venv $(OUT)/newcomer/venv
@@ -158,4 +175,4 @@ bench: install
 	$(BIN)/needlefem bench integrators verification --out $(OUT)/bench
 
 clean:
-	rm -rf $(VENV) $(OUT) docs/examples
+	rm -rf $(VENV) $(OUT) dist docs/examples
