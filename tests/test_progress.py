@@ -12,7 +12,7 @@ from tests.conftest import PAPER_CASE
 
 QUICK = """
 import sys
-from needlefem import progress
+from needlefem import _progress as progress
 progress.FIRST = progress.NEXT = 0.02
 from needlefem.cli.main import process
 sys.argv[1:] = ["plan", sys.argv[1], "--json"]

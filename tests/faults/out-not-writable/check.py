@@ -15,7 +15,7 @@ COMMANDS = {
     "run": ["run", "case.toml", "--no-pictures", "--out"],
     "plan": ["plan", "case.toml", "--no-pictures", "--out"],
     "modes": ["modes", "case.toml", "--no-pictures", "--out"],
-    "bench": ["bench", "imports", "case.toml", "--out"],
+    "bench": ["bench", "plan", "case.toml", "--out"],
     "figures": ["figures", "case.toml", "--out"],
     "verify": ["verify", "patch_test", "--report"],
 }
