@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 from needlefem import _plugin as foreign
+from needlefem.dynamics import integrator_class
 from needlefem.elements import element_row
 from needlefem.errors import CaseError
 from needlefem.materials import law_class
@@ -11,7 +12,10 @@ from needlefem.materials import law_class
 @pytest.fixture
 def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stand in a folder with a module, code not allowed yet."""
-    (tmp_path / "mine_of_test.py").write_text("VALUE = 3\n")
+    (tmp_path / "mine_of_test.py").write_text(
+        "VALUE = 3\n\n\nclass WithoutStepper:\n    pass\n\n\ndef stepper_of(_):\n    return 1\n\n\n"
+        "stepper_of.stepper = stepper_of\n"
+    )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(foreign, "_allowed", False)
@@ -40,3 +44,6 @@ def test_what_is_named_must_be_what_it_is_used_as() -> None:
         law_class("mine_of_test:VALUE", "materials.x.law")
     with pytest.raises(CaseError, match="is no ElementRow"):
         element_row("mine_of_test:VALUE")
+    for name in ("VALUE", "WithoutStepper", "stepper_of"):
+        with pytest.raises(CaseError, match="makes no stepper"):
+            integrator_class(f"mine_of_test:{name}", "discretisation.integrator")

@@ -11,6 +11,7 @@ from needlefem.errors import SimulationError
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.io.records import plan_record
+from needlefem.planning.headline import Headline
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import Reader, Why, at_jump
@@ -169,3 +170,13 @@ def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
             assert "jumps" in found.evidence.missing["validity"]
     nearest = Reader(planner.insertion(np.zeros(1)), between).nearest()
     assert nearest.why is Why.JUMPED
+
+
+def test_a_headline_names_the_parts_that_count() -> None:
+    def error(**parts: float) -> str:
+        whole = sum(parts.values())
+        made = Headline(placement_error=whole, contains=parts, unknown="", validity=None)
+        return made.error
+
+    assert error(mesh=4.6e-4, path=1e-9, search=3e-10) == "about 0.46 mm: mesh"
+    assert error(mesh=2e-4, path=1e-4, search=1e-9) == "about 0.3 mm: mesh 0.2 mm, path 0.1 mm"
