@@ -57,7 +57,6 @@ STEADY = 0.5
 HALVINGS = 6
 """Of a step that would leave the tissue, before the tip is at the surface."""
 
-
 T = TypeVar("T", float, Floats)
 
 
@@ -330,7 +329,7 @@ class March:
         forces = step.forces
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
-        self._before = self._checked(step, lateral, moved)
+        self._before = self._checked(step, forces, lateral, moved)
         self._solver.follow(guide or step)
         self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
@@ -351,7 +350,7 @@ class March:
             )
         )
 
-    def _checked(self, step: Step, lateral: Floats, moved: Floats) -> _Before:
+    def _checked(self, step: Step, forces: Floats, lateral: Floats, moved: Floats) -> _Before:
         """End the march where a point of the shaft, or the new piece, does not slip forward.
 
         Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
@@ -361,8 +360,8 @@ class March:
         Parameters
         ----------
         step : Step
-        lateral : array, shape (pieces, dim - 1), N (N/m in 2D)
-            Forces on the path after it.
+        forces, lateral : array, shape (2 dim,) and (pieces, dim - 1), N (N/m in 2D)
+            On the tip and the new piece, and on the path before that, after the step.
         moved : array, shape (pieces + 2, dim), m
             Displacement of the pieces, the tip and the new piece after it.
 
@@ -370,11 +369,10 @@ class March:
         -------
         What the check of the next step needs.
         """
-        last, known = self.states[-1], self._before
+        last, known, trial = self.states[-1], self._before, step.trial
         assert known is not None
-        trial, forces = step.trial, step.forces
         dim, count = len(moved[0]), len(last.moved)
-        path = np.zeros((count + 1, dim))
+        path = np.empty((count + 1, dim))
         path[:count, 0], path[:count, 1:] = last.axial, lateral
         path[count] = forces[dim:]
         flat = path.ravel()

@@ -207,20 +207,19 @@ class StepSolver:
         sideways = slope * length
         step = self._try(start, length, sideways, depth)
         for _ in range(MOST_ITERATIONS):
-            if abs(step.residual).max() <= tolerance:
+            if _largest(step.residual) <= tolerance:
                 self._jacobian = jacobian
                 return step
             change = -solved(jacobian, step.residual)
             wanted = sideways + change
-            size = math.sqrt(wanted @ wanted)
+            size = _norm(wanted)
             if size > STEEPEST * length:
                 wanted *= STEEPEST * length / size
                 change = wanted - sideways
-            if math.sqrt(change @ change) <= STALLED * length:
+            if _norm(change) <= STALLED * length:
                 break
             new = self._try(start, length, wanted, depth)
-            error = new.residual - step.residual - jacobian @ change
-            jacobian = jacobian + error[:, None] * (change / (change @ change))
+            jacobian = _updated(jacobian, change, step.residual, new.residual)
             sideways, step = wanted, new
         begin = slope * length
         turning = smallest_turning(
@@ -336,6 +335,27 @@ def _eliminated(
     stiff = compliance[dim + 1 :, dim + 1 :] + hold * np.eye(dim - 1)
     lateral: Floats = -np.linalg.solve(stiff, rhs).astype(float)
     return lateral, parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
+
+
+def _largest(values: Floats) -> float:
+    """Return the largest absolute value of an array of the size of the lateral directions."""
+    return float(max(map(abs, values.tolist())))
+
+
+def _norm(values: Floats) -> float:
+    """Return the Euclidean norm of an array of that size."""
+    return math.hypot(*values.tolist())
+
+
+def _updated(jacobian: Floats, change: Floats, before: Floats, after: Floats) -> Floats:
+    """Return derivatives that agree with the last change of residuals (Broyden's update)."""
+    if len(change) == 1:  # the secant: arrays would cost more than the arithmetic
+        known, moved = float(jacobian[0, 0]), float(change[0])
+        wrong = float(after[0]) - float(before[0]) - known * moved
+        return np.array([[known + wrong * (moved / (moved * moved))]])
+    error = after - before - jacobian @ change
+    found: Floats = jacobian + error[:, None] * (change / (change @ change))
+    return found
 
 
 def solved(matrix: Floats, rhs: Floats) -> Floats:
