@@ -1,6 +1,7 @@
 """Matrices and loads from scikit-fem's forms."""
 
 from collections.abc import Callable
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -36,11 +37,27 @@ def pressure_basis(mesh: SkfemMesh, element: ElementRow) -> Basis:
     return Basis(mesh, element.pressure(), mapping=_mapping(mesh), quadrature=quadrature)
 
 
+class _Affine(MappingAffine):  # type: ignore[misc]
+    """An affine map that is pickled and copied without its tables."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"dim": self.dim, "mesh": self.mesh, "tind": self.tind}
+
+
 def _mapping(mesh: SkfemMesh) -> Any:
-    """Return a map from the reference cell; a mesh that kept its own would never be freed."""
-    if mesh.affine:
-        return MappingAffine(mesh)
-    return MappingIsoparametric(mesh, mesh.elem(), mesh.bndelem)
+    """Return the map from the reference cell, one for all bases on a mesh.
+
+    The mesh keeps it where skfem looks for it. It refers to a copy (of references, not of arrays):
+    a mesh whose map refers to the mesh itself would not be freed before a garbage collection.
+    """
+    if "_cached_mapping" not in vars(mesh):
+        _ = mesh.facets  # computed before the copy, which has them then
+        twin = copy(mesh)
+        if mesh.affine:
+            mesh._cached_mapping = _Affine(twin)
+        else:
+            mesh._cached_mapping = MappingIsoparametric(twin, mesh.elem(), mesh.bndelem)
+    return mesh._cached_mapping
 
 
 def strain(gradient: Floats) -> list[Floats]:
