@@ -85,6 +85,7 @@ studies: install
 	$(BIN)/needlefem study independence $(RESOLVED)
 	$(BIN)/needlefem study stability $(RESOLVED)
 	$(BIN)/needlefem study accuracy $(RESOLVED)
+	$(BIN)/needlefem study stated_error $(RESOLVED)
 	$(BIN)/needlefem study convergence $(RESOLVED)
 	$(BIN)/needlefem study elements $(RESOLVED)
 	$(BIN)/needlefem study extremes $(RESOLVED)

@@ -109,11 +109,11 @@ def _accuracy(evidence: Evidence) -> None:
         say(
             f"  tried {tried.element}, {tried.unknowns} unknowns, "
             f"{' / '.join(f'{1e3 * size:.3g}' for size in sizes)} mm (needle / contours / "
-            f"elsewhere / path): {1e3 * tried.error:.2g} mm, {tried.insertions} insertions"
+            f"elsewhere / path): {1e3 * tried.at_most:.2g} mm, {tried.insertions} insertions"
         )
     if evidence.estimate is not None:
         found = evidence.estimate
         say(
-            f"  what it does to the placement: about {1e3 * found.error:.2g} mm "
+            f"  what it does to the placement: at most about {1e3 * found.at_most:.2g} mm "
             f"(against {found.compared_to})"
         )

@@ -1,4 +1,4 @@
-"""Plan on finer and finer discretisations until the estimate is below the accuracy asked for."""
+"""Plan on finer and finer discretisations until the stated error is within what was asked for."""
 
 import dataclasses
 
@@ -29,9 +29,9 @@ def make_accurate(
     while made.plan.status is PlanStatus.PLANNED and made.estimate is not None:
         error = made.estimate
         trail.append(_attempt(made, sizes, error))
-        if error.error <= accuracy:
+        if error.at_most <= accuracy:
             break
-        sizes = finer(sizes, scene, made.simulation, made.plan, accuracy / error.error)
+        sizes = finer(sizes, scene, made.simulation, made.plan, accuracy / error.at_most)
         wanted.clock.lap("estimate")
         simulation = Simulation(sizes.scene(scene, wanted.target), watch=watch)
         if len(simulation.model.free_dofs) > most:
@@ -61,12 +61,13 @@ def _attempt(made: Made, sizes: Sizes, error: Estimate) -> Attempt:
         unknowns=len(made.simulation.model.free_dofs),
         insertions=made.plan.insertions,
         error=error.error,
+        at_most=error.at_most,
     )
 
 
 def _short(plan: Plan, error: Estimate, accuracy: float, most: int) -> Plan:
     sentence = (
-        f"{1e3 * accuracy:.3g} mm were asked for, {1e3 * error.error:.2g} mm are what can be had "
+        f"{1e3 * accuracy:.3g} mm were asked for, {1e3 * error.at_most:.2g} mm are what can be had "
         f"with {most:,} unknowns; ask for less, or allow more by planning.max_unknowns"
     )
     return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)

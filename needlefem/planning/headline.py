@@ -1,7 +1,8 @@
-"""The first line on a plan: its estimated placement error, what that contains, what it does not.
+"""The first line on a plan: its stated placement error, what that contains, what it does not.
 
 A search ends within 1e-8 m of the target on its own model. That is a residual, not an estimate
-of the accuracy: the placement error is that of the discretisation, as far as it was estimated.
+of the accuracy: the placement error is that of the discretisation, as far as it was estimated,
+times the safety factor of `error_estimate`: it is stated as ``at most about``.
 It does not contain strains beyond those that small strain describes.
 """
 
@@ -17,14 +18,15 @@ SMALL = 0.01
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Headline:
-    """The estimated placement error of a plan, and what it contains.
+    """The stated placement error of a plan, and what it contains.
 
     Parameters
     ----------
     placement_error : float or None, m
         None where it could not be estimated or was not asked for.
     contains : mapping
-        Its parts, m: ``mesh`` and ``path`` spacing as estimated, what the ``search`` left.
+        Its parts, m: ``mesh`` and ``path`` spacing, each as estimated times the safety factor, and
+        what the ``search`` left.
     unknown : str
         Why there is none.
     validity : Validity or None
@@ -38,15 +40,16 @@ class Headline:
 
     @property
     def error(self) -> str:
-        """The placement error with its parts, such as ``about 0.46 mm: mesh``."""
+        """The placement error with its parts, such as ``at most about 0.58 mm: mesh``."""
         if self.placement_error is None:
             return f"not estimated: {self.unknown}"
         whole = self.placement_error
+        said = f"at most about {1e3 * whole:.2g} mm"
         told = {name: part for name, part in self.contains.items() if part > SMALL * whole}
         if len(told) == 1:
-            return f"about {1e3 * whole:.2g} mm: {next(iter(told))}"
+            return f"{said}: {next(iter(told))}"
         parts = ", ".join(f"{name} {1e3 * part:.2g} mm" for name, part in told.items())
-        return f"about {1e3 * whole:.2g} mm: {parts}" if parts else f"about {1e3 * whole:.2g} mm"
+        return f"{said}: {parts}" if parts else said
 
     @property
     def strains(self) -> str:
@@ -94,8 +97,9 @@ def _parts(plan: Plan, evidence: Evidence | None) -> tuple[dict[str, float], str
         return {}, "nothing is placed" if plan.best is None else "no evidence was asked for"
     if evidence.estimate is None:
         return {}, evidence.missing.get("estimate", "planning.estimate = false")
-    path = evidence.estimate.path or 0.0
-    parts = {"mesh": evidence.estimate.error - path, "path": path}
+    known = evidence.estimate
+    path = known.at_most * (known.path or 0.0) / known.error if known.error > 0.0 else 0.0
+    parts = {"mesh": known.at_most - path, "path": path}
     parts["search"] = plan.best.placement_error
     return {name: part for name, part in parts.items() if part > 0.0}, ""
 

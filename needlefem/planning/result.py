@@ -77,8 +77,11 @@ class Estimate:
     Parameters
     ----------
     error : float, m
+        As extrapolated.
+    at_most : float, m
+        The stated error: the extrapolated one times a safety factor.
     path : float, m, or None
-        What the path's spacing has in it; None where it is left out.
+        What the path's spacing has in the extrapolated one; None where it is left out.
     offset : array, shape (dim,), m
         Where it places on the finer tissue, less where on the plan's own.
     compared_to : str
@@ -88,6 +91,7 @@ class Estimate:
     """
 
     error: float
+    at_most: float
     path: float | None
     offset: Vector
     compared_to: str
@@ -106,7 +110,9 @@ class Attempt:
     unknowns : int
     insertions : int
     error : float, m
-        Estimate of the placement's error.
+        Estimate of the placement's error, as extrapolated.
+    at_most : float, m
+        The stated error, which is compared with the accuracy.
     """
 
     element: str
@@ -117,6 +123,7 @@ class Attempt:
     unknowns: int
     insertions: int
     error: float
+    at_most: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)

@@ -60,7 +60,8 @@ def test_from_a_mesh_to_the_printed_depth(
     last = simulation.insert(simulation.entry_of_case()).states[-1]
     assert last.depth == pytest.approx(depth, abs=1e-12)
     away = np.linalg.norm(last.tip - 1e-3 * np.array(TARGET))
-    assert 1e-7 < away <= 2.0 * plan["estimate"]["error"]  # another mesh, another error
+    assert 1e-7 < away <= plan["headline"]["placement_error"]
+    assert plan["headline"]["contains"]["path"] > 0.0  # the pieces are as long as the tip's radius
 
 
 def test_a_plan_on_a_mesh_is_carried_out_and_drawn(
@@ -69,7 +70,7 @@ def test_a_plan_on_a_mesh_is_carried_out_and_drawn(
     case = tmp_path / "mine" / "case.toml"
     new = ["new", str(case), "--mesh", str(GMSH / "text41.msh"), "--unit", "1 mm"]
     assert main([*new, "--target", "33, 30 mm", "--direction", "0, 1"]) == 0
-    options = [*answered(case), "--set", "planning.estimate=false"]
+    options = answered(case)
     capsys.readouterr()
     assert main(["plan", str(case), "--json", *options]) == 0
     plan = json.loads(capsys.readouterr().out)
@@ -77,11 +78,12 @@ def test_a_plan_on_a_mesh_is_carried_out_and_drawn(
         "--set", "motion.entry=" + json.dumps([f"{1e3 * x:.9f} mm" for x in plan["entry"]]),
         "--set", f'motion.max_depth="{1e3 * plan["release_depth"]:.9f} mm"',
     ]  # fmt: skip
-    assert main(["run", str(case), "--json", *options[:-2], *pushed]) == 0
+    assert main(["run", str(case), "--json", *options, *pushed]) == 0
     (seed,) = json.loads(capsys.readouterr().out)["seeds"][-1:]
     away = np.linalg.norm(np.subtract(seed["placed_at"], 1e-3 * np.array(TARGET)))
-    assert away <= max(2.0 * plan["placement_error"], 1e-5)
+    # the plan reads its depth between two states, a run ends with a shorter piece
+    assert away <= plan["headline"]["contains"]["path"]
     picture = tmp_path / "strain.png"
     small = ["--size", "320x180", "--field", "strain", "--out", str(picture)]
-    assert main(["render", str(case), *options[:-2], *pushed, *small]) == 0
+    assert main(["render", str(case), *options, *pushed, *small]) == 0
     assert picture.stat().st_size > 1000

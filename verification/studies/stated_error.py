@@ -1,0 +1,61 @@
+"""Whether a case's own plan misses by less than its stated error, on a tissue taken as exact.
+
+The exact tissue is the finest that is affordable; of a mesh from a file it is that mesh with
+every cell halved twice. Its path has a quarter of the spacing or less.
+"""
+
+import numpy as np
+
+from needlefem._table import Table
+from needlefem.errors import CaseError
+from needlefem.insertion.simulation import Simulation
+from needlefem.mesh.refine import halved
+from needlefem.planning.error_estimate import KERNEL
+from needlefem.planning.plan import plan
+from needlefem.planning.reference_solution import reference, true_error
+from needlefem.planning.result import Plan
+from needlefem.scene import FileMesh, Scene, vary
+from needlefem.scene.build import build_model
+
+PATH = 0.25
+"""Path spacing on a halved mesh over that of the plan."""
+
+
+def study(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return the estimate, the stated and the true error of the case's own plan."""
+    del other
+    found = plan(scene)
+    if found.evidence is None or found.evidence.estimate is None:
+        raise CaseError("planning", f"no estimate to judge: {found.sentence}", "see the plan")
+    said, error = found.evidence.estimate, true_error(exact(scene, found), found)
+    own = found.insertion.model
+    lengths = [1e3 * length for length in (said.error, said.at_most, error)]
+    row = [own.element.name, len(own.free_dofs), *lengths, error / said.error]
+    return [
+        Table(
+            title=f"{scene.title}: the stated error of its plan",
+            columns=(
+                "element", "unknowns", "estimate (mm)", "stated (mm)", "error (mm)",
+                "error / estimate",
+            ),
+            rows=[row],
+            passed=error <= said.at_most,
+            note=f"the error is to be below {lengths[1]:.2g} mm",
+        )
+    ]  # fmt: skip
+
+
+def exact(scene: Scene, found: Plan) -> Simulation:
+    """Return the tissue of a plan on a discretisation that is taken as exact."""
+    concrete = found.insertion.scene
+    if not isinstance(concrete.mesh, FileMesh):
+        turned = vary(scene, {"motion.direction": concrete.motion.direction})
+        return reference(turned, np.array(found.target))
+    chosen = concrete.discretisation
+    finer = {
+        "discretisation.path_spacing": PATH * chosen.path_spacing,
+        "discretisation.kernel_points": KERNEL * chosen.kernel_points,
+    }
+    mesh = halved(halved(found.insertion.model.mesh))
+    refined = vary(concrete, finer)
+    return Simulation(refined, build_model(refined, mesh))
