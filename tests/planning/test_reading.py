@@ -179,4 +179,6 @@ def test_a_headline_names_the_parts_that_count() -> None:
         return made.error
 
     assert error(mesh=4.6e-4, path=1e-9, search=3e-10) == "at most about 0.46 mm: mesh"
-    assert error(mesh=2e-4, path=1e-4, search=1e-9) == "at most about 0.3 mm: mesh 0.2 mm, path 0.1 mm"
+    assert (
+        error(mesh=2e-4, path=1e-4, search=1e-9) == "at most about 0.3 mm: mesh 0.2 mm, path 0.1 mm"
+    )
