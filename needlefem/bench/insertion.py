@@ -26,14 +26,17 @@ MOST = 400.0
 PAPER = 2_000
 """Unknowns up to which that is demanded: beyond, they are dearer and an insertion takes fewer."""
 PARTS = {
-    "functionals: points, cells, weights": ("instrument.py", "tip_and_piece"),
-    "responses and elimination of lateral forces": ("contact.py", "try_functionals"),
-    "equations of the step": ("step.py", "_try"),
-    "iteration": ("step.py", "solve"),
-    "pieces adopted, states": ("march.py", "_accept"),
-    "all": ("simulation.py", "insert"),
+    "functionals: points, cells, weights": ("needle/needle_interface.py", "tip_and_piece"),
+    "responses and elimination of lateral forces": (
+        "contact/condensed_contact.py",
+        "try_functionals",
+    ),
+    "equations of the step": ("insertion/tip_solver.py", "_try"),
+    "iteration": ("insertion/tip_solver.py", "solve"),
+    "pieces adopted, states": ("insertion/path_following.py", "_accept"),
+    "all": ("insertion/simulation.py", "insert"),
 }
-"""Functions by what they do: each counts with all that it calls."""
+"""Functions by what they do, with their file in the package: each counts with all it calls."""
 WITHIN = {
     "equations of the step": (
         "functionals: points, cells, weights",

@@ -194,7 +194,8 @@ class March:
         if len(self.states) <= FROM_PUNCTURE:
             return None
         before, last = self.states[-2:]
-        made, left = math.dist(last.tip, before.tip), self.max_depth - last.depth
+        ahead, left = last.tip - before.tip, self.max_depth - last.depth
+        made = math.sqrt(ahead @ ahead)
         gained = last.depth - before.depth
         if made <= 0.0 or left * made >= SURE * gained * self.instrument.spacing:
             return None

@@ -2,7 +2,9 @@ from pathlib import Path
 
 import pytest
 
+from needlefem.bench.insertion import PARTS
 from needlefem.errors import CaseError
+from tests.conftest import ROOT
 from verification.benchmarks import against
 
 CASE = "cases/prostate-2003/case.toml"
@@ -26,3 +28,10 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
         against.run("plan", CASE, tmp_path)
     with pytest.raises(CaseError, match="not made for comparing"):
         against.run("render", CASE, against.HERE)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_the_parts_of_an_insertion_are_functions_of_the_package(part: str) -> None:
+    """One that was renamed would be charged to what calls it."""
+    file, function = PARTS[part]
+    assert f"    def {function}(" in (ROOT / "needlefem" / file).read_text(encoding="utf-8")
