@@ -6,7 +6,7 @@ twice, or lies on another cell's edge, has boundary on both sides.
 """
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from needlefem._arrays import Bools, Floats, Ints, SkfemMesh
@@ -127,7 +127,9 @@ def _parts(mesh: SkfemMesh) -> list[int]:
     """Return how many cells every part has that is joined by facets, the largest first."""
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
     size = mesh.nelements
-    graph = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(size, size))
+    starts = np.append(0, np.cumsum(np.bincount(one, minlength=size)))
+    # compressed rows of floats are what the search would convert all else into
+    graph = csr_array((np.ones(len(one)), other[np.argsort(one)], starts), shape=(size, size))
     _, part = connected_components(graph, directed=False)
     return sorted(np.bincount(part).tolist(), reverse=True)
 
