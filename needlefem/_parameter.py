@@ -1,4 +1,4 @@
-"""Fields that know their unit, range and meaning: each knob is declared once."""
+"""Fields that know their unit, range and meaning: each parameter is declared once."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ from typing import Any
 
 
 @dataclasses.dataclass(frozen=True)
-class Knob:
+class ParameterInfo:
     """What stands beside a field: sentence, dimension (see `units`) and admissible range.
 
     `low` and `high` are exclusive unless `closed` says that the bound itself is admissible.
@@ -39,7 +39,7 @@ class Knob:
         return " and ".join(part for part in (low, high) if part) or "finite"
 
 
-def knob(
+def parameter(
     sentence: str,
     dimension: str | None = None,
     *,
@@ -50,14 +50,16 @@ def knob(
     choices: tuple[str, ...] = (),
     refused: Mapping[str, str] | None = None,
 ) -> Any:
-    """Return a dataclass field that carries a `Knob`."""
-    metadata = {"knob": Knob(sentence, dimension, low, high, closed, choices, refused or {})}
+    """Return a dataclass field that carries a `ParameterInfo`."""
+    metadata = {
+        "parameter": ParameterInfo(sentence, dimension, low, high, closed, choices, refused or {})
+    }
     if default is dataclasses.MISSING:
         return dataclasses.field(metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def knob_of(field: "dataclasses.Field[Any]") -> Knob | None:
-    """Return the `Knob` of a field, or None for a plain field."""
-    found = field.metadata.get("knob")
-    return found if isinstance(found, Knob) else None
+def parameter_info(field: "dataclasses.Field[Any]") -> ParameterInfo | None:
+    """Return the `ParameterInfo` of a field, or None for a plain field."""
+    found = field.metadata.get("parameter")
+    return found if isinstance(found, ParameterInfo) else None

@@ -6,7 +6,7 @@ from typing import Any
 from needlefem._arrays import SkfemMesh
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError, short
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion import simulation
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Watch
@@ -92,7 +92,7 @@ def plan(
 
 def build_model(
     case: Scene | str | Path, mesh: SkfemMesh | None = None, *, floating: bool = False
-) -> Model:
+) -> TissueModel:
     """Return the discretised tissue of a scene.
 
     Parameters

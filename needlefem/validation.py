@@ -3,7 +3,7 @@
 A dataclass that derives from `Validated` checks its fields when an instance is made, so that a
 case file, ``--set``, `needlefem.scene.vary`, `dataclasses.replace` and a constructor all raise
 the same `CaseError` for the same value. What a field admits follows from its type annotation
-and its `Knob`.
+and its `ParameterInfo`.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from needlefem._parameter import Knob, knob_of
+from needlefem._parameter import ParameterInfo, parameter_info
 from needlefem.errors import CaseError, matching, nearest, short
 from needlefem.units import LARGEST, dimension_of, parse_quantity
 
@@ -25,7 +25,7 @@ SMALLEST_NUMBER = 1e-30
 """Smallest magnitude of what must be positive: the square of less vanishes."""
 LARGEST_COUNT = 2**63 - 1
 """Largest magnitude of a whole number."""
-_KNOWN: dict[type, tuple[tuple[str, Any, Knob | None], ...]] = {}
+_KNOWN: dict[type, tuple[tuple[str, Any, ParameterInfo | None], ...]] = {}
 _FITTING: set[tuple[Any, type]] = set()
 WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 
@@ -104,7 +104,7 @@ def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given:
     for field in dataclasses.fields(cls):
         if field.name in given:
             continue
-        key, declared = dotted(prefix, field.name), knob_of(field)
+        key, declared = dotted(prefix, field.name), parameter_info(field)
         if field.name in table:
             hint = hints.get(field.name, Any)
             values[field.name] = converted(hint, table[field.name], declared, key, strict=strict)
@@ -125,7 +125,9 @@ def made(make: Callable[[], Any], own: str, prefix: str) -> Any:
         raise
 
 
-def converted(hint: Any, raw: Any, declared: Knob | None, key: str, *, strict: bool = False) -> Any:
+def converted(
+    hint: Any, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool = False
+) -> Any:
     """Return a value as the type that an annotation asks for; see `validate` and `filled`.
 
     Raises
@@ -185,8 +187,8 @@ def dotted(prefix: str, key: str) -> str:
     return f"{prefix}.{key}" if prefix else key
 
 
-def _declarations(cls: type) -> tuple[tuple[str, Any, Knob | None], ...]:
-    """Return name, annotation and `Knob` of every field of a dataclass, found once a class."""
+def _declarations(cls: type) -> tuple[tuple[str, Any, ParameterInfo | None], ...]:
+    """Return name, annotation and `ParameterInfo` of every field of a dataclass, found once a class."""
     found = _KNOWN.get(cls)
     if found is None:
         try:
@@ -194,7 +196,7 @@ def _declarations(cls: type) -> tuple[tuple[str, Any, Knob | None], ...]:
         except NameError:  # a class of the user's whose annotations can't be resolved from here
             hints = {}
         fields = [field for field in dataclasses.fields(cls) if field.init]
-        found = tuple((f.name, hints.get(f.name, Any), knob_of(f)) for f in fields)
+        found = tuple((f.name, hints.get(f.name, Any), parameter_info(f)) for f in fields)
         _KNOWN[cls] = found
     return found
 
@@ -204,7 +206,7 @@ def _required(field: "dataclasses.Field[Any]") -> bool:
     return field.init and field.default is missing and field.default_factory is missing
 
 
-def _plain(hint: type, raw: Any, declared: Knob | None, key: str, *, strict: bool) -> Any:
+def _plain(hint: type, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool) -> Any:
     if hint is float or hint is int:
         return _number(hint, raw, declared, key, strict=strict)
     if not isinstance(raw, hint):
@@ -214,7 +216,7 @@ def _plain(hint: type, raw: Any, declared: Knob | None, key: str, *, strict: boo
     return raw
 
 
-def _choice(raw: str, declared: Knob, key: str) -> str:
+def _choice(raw: str, declared: ParameterInfo, key: str) -> str:
     if raw in declared.choices:
         return raw
     found = matching(raw, declared.choices)
@@ -226,7 +228,7 @@ def _choice(raw: str, declared: Knob, key: str) -> str:
     return found
 
 
-def _number(hint: type, raw: Any, declared: Knob | None, key: str, *, strict: bool) -> Any:
+def _number(hint: type, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool) -> Any:
     if type(raw) is float and declared is None and hint is float and math.isfinite(raw):
         return raw
     dimension = dimension_of(declared.dimension) if declared and declared.dimension else None
@@ -257,7 +259,7 @@ def _digits(value: float) -> str:
 
 
 def _one_of(
-    options: Sequence[Any], raw: Any, declared: Knob | None, key: str, *, strict: bool
+    options: Sequence[Any], raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool
 ) -> Any:
     """Convert to the first of several types that a value may be meant as."""
     if raw is None and type(None) in options:
@@ -276,7 +278,7 @@ def _fits(option: Any, raw: Any) -> bool:
 
 
 def _several(
-    items: Sequence[Any], raw: Any, declared: Knob | None, key: str, *, strict: bool
+    items: Sequence[Any], raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool
 ) -> tuple[Any, ...]:
     if not isinstance(raw, list | tuple):
         remedy = f'write ["{raw}"]' if items[0] is str and isinstance(raw, str) else "write [a, b]"

@@ -50,4 +50,4 @@ def test_in_a_uniform_gel_the_force_grows_with_the_length_cut() -> None:
     assert across == pytest.approx(0.03, abs=1e-12)
     for state, length in zip(insertion.states[1:], along[1:], strict=True):
         assert state.tip_force == pytest.approx(needle.cutting_force, abs=1e-9)
-        assert state.axial.sum() == pytest.approx(needle.shaft_friction * length, abs=1e-9)
+        assert state.friction_force.sum() == pytest.approx(needle.shaft_friction * length, abs=1e-9)

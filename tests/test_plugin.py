@@ -42,7 +42,7 @@ def test_what_is_named_must_be_what_it_is_used_as() -> None:
     foreign.allow()
     with pytest.raises(CaseError, match="is no dataclass"):
         law_class("mine_of_test:VALUE", "materials.x.law")
-    with pytest.raises(CaseError, match="is no ElementRow"):
+    with pytest.raises(CaseError, match="is no ElementType"):
         element_row("mine_of_test:VALUE")
     for name in ("VALUE", "WithoutStepper", "stepper_of"):
         with pytest.raises(CaseError, match="makes no stepper"):

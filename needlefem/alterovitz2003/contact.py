@@ -9,7 +9,7 @@ from needlefem.alterovitz2003.active_set import Limits, Settled, settle
 from needlefem.alterovitz2003.functionals import Touch
 from needlefem.alterovitz2003.moving_tissue import MovingTissue, Response
 from needlefem.alterovitz2003.node_chain import NodeChain
-from needlefem.insertion.state import State, Way
+from needlefem.insertion.state import State, TipPhase
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class NodeContact:
         self.memory = dataclasses.replace(self.memory, settled=settled)
 
     def evaluate(
-        self, point: Vector, depth: float, travel: float, way: Way, *, endless: bool = False
+        self, point: Vector, depth: float, travel: float, way: TipPhase, *, endless: bool = False
     ) -> tuple[Response, Settled]:
         """Return the tissue's response and the forces with the tip's node at a point.
 
@@ -87,19 +87,22 @@ class NodeContact:
         point : array, shape (2,), m
         depth, travel : float, m
             At the step's end, and over the step.
-        way : Way
+        way : TipPhase
         """
         self.evaluations += 1
         chain, axis = self._chain, self._chain.axis
         response = self._tissue.respond(point, self._touch.tip(chain.tip_node, point))
-        shares = chain.shares(None if way is Way.WITHDRAWN else point)
+        shares = chain.shares(None if way is TipPhase.RETRACTED else point)
         limits = self._limits(point, shares, way, endless=endless)
         where = np.vstack([chain.mesh.points[chain.nodes], point])
-        offset, ahead = axis.offset(where)[:, 0], depth - float(axis.along(point))
+        offset, ahead = (
+            axis.lateral_offset(where)[:, 0],
+            depth - float(axis.axial_coordinate(point)),
+        )
         with_needle = self.memory.before + travel
         target = np.concatenate([with_needle, -offset[:-1], [ahead, -offset[-1]]])
         matrix, free = response.compliance, response.free
-        share = shares[-1] / shares[-2] if way is Way.CUTTING else 0.0
+        share = shares[-1] / shares[-2] if way is TipPhase.CUTTING else 0.0
         if share:  # the newest node's lateral force acts on both
             matrix, free = matrix.copy(), free.copy()
             matrix[-3] += share * matrix[-1]
@@ -114,7 +117,7 @@ class NodeContact:
         moved = response.free + response.compliance @ forces
         return response, Settled(forces, moved, found.held)
 
-    def _limits(self, point: Vector, shares: Floats, way: Way, *, endless: bool) -> Limits:
+    def _limits(self, point: Vector, shares: Floats, way: TipPhase, *, endless: bool) -> Limits:
         friction = shares * np.append(self._friction, self._touch.friction(point[None]))
         push = np.inf if endless else self._touch.cutting_force(point) + friction[-1]
         count = len(friction) - 1
@@ -122,9 +125,9 @@ class NodeContact:
         high[:count], high[-2] = friction[:-1], push
         low = -high
         low[-2] = -friction[-1]
-        if way is Way.WITHDRAWN:
+        if way is TipPhase.RETRACTED:
             low[-2:] = high[-2:] = 0.0
-        elif way is Way.CUTTING:
+        elif way is TipPhase.CUTTING:
             low[-2:] = high[-2:] = [push, 0.0]
         return Limits(low, high, self._grip)
 
@@ -133,12 +136,12 @@ class NodeContact:
         self._tissue.finish(response, settled.forces)
         self.memory = Memory(settled, settled.moved[: len(self._chain.shaft)])
 
-    def state(self, depth: float, time: float, way: Way) -> State:
+    def state(self, depth: float, time: float, way: TipPhase) -> State:
         """Return the present state; the last of the axial forces is the friction at the tip."""
         chain, settled = self._chain, self.memory.settled
         count, forces, moved = len(chain.shaft), settled.forces, settled.moved
         limit, share = self._touch.cutting_force(chain.tip), 0.0
-        if way is not Way.WITHDRAWN:
+        if way is not TipPhase.RETRACTED:
             share = float(self._touch.friction(chain.tip[None])[0] * chain.shares(chain.tip)[-1])
         force = float(forces[-2]) * limit / (limit + share)
         weights = self._touch.tip(chain.tip_node, chain.mesh.points[chain.tip_node])
@@ -151,13 +154,13 @@ class NodeContact:
             tip_lateral=forces[-1:],
             tip_nodes=weights.nodes,
             tip_weights=weights.rows[0],
-            axial=np.append(forces[:count], forces[-2] - force)[:on_path],
-            lateral=np.append(forces[count:-2], 0.0)[:on_path, None],
-            moved=np.column_stack(
+            friction_force=np.append(forces[:count], forces[-2] - force)[:on_path],
+            lateral_force=np.append(forces[count:-2], 0.0)[:on_path, None],
+            segment_displacement=np.column_stack(
                 [np.append(moved[:count], moved[-2]), np.append(moved[count:-2], moved[-1])]
             )[:on_path],
             time=time,
-            covered=chain.lengths[-1],
-            way=way,
-            tip_moved=float(moved[-2]),
+            inserted_length=chain.lengths[-1],
+            tip_phase=way,
+            tip_displacement=float(moved[-2]),
         )

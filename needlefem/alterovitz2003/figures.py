@@ -93,7 +93,7 @@ def draw_figures(scene: Scene, page: Path, folder: Path) -> list[Figure]:
 
 
 def _depth(release: Release, found: Plan) -> float:
-    return float(found.level.axis.along(release.release_point))
+    return float(found.level.axis.axial_coordinate(release.release_point))
 
 
 def _point(point: Sequence[float] | np.ndarray, digits: int = 2) -> str:
@@ -155,14 +155,18 @@ def _depths(unplanned: Release, depth_only: Release, found: Plan) -> Figure:
 
 def _heights(best: Release, found: Plan) -> Figure:
     axis = found.insertion.axis
-    height = float(best.release_point @ axis.laterals[0])
+    height = float(best.release_point @ axis.lateral_directions[0])
     return Figure(
         number=6,
         file="figure-6.png",
         caption="Best depth and its error against the insertion height.",
         rows=(
             ("best height", "1.59 cm", f"{100 * height:.3f} cm"),
-            ("best depth", "3.80 cm", f"{100 * float(axis.along(best.release_point)):.3f} cm"),
+            (
+                "best depth",
+                "3.80 cm",
+                f"{100 * float(axis.axial_coordinate(best.release_point)):.3f} cm",
+            ),
             ("left there by the search", "0.003 cm", _error(best.placement_error)),
         ),
     )

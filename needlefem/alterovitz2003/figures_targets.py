@@ -44,7 +44,7 @@ def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: 
         panel = Panel(plotter, style)
         there = target + number * moved
         if number:
-            canvas.needle(insertion.axis.tip(depth), radius, 0.2)
+            canvas.needle(insertion.axis.tip_position(depth), radius, 0.2)
             canvas.polyline(np.stack([target, there]), style.target, 3.0, 9)
         canvas.disc(there, 0.9 * radius, style.seed, 6)
         canvas.target(target, 1.0 * radius)

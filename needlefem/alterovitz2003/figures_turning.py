@@ -49,7 +49,7 @@ def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
         (after.mean(axis=0), angle, style.path),
     ):
         canvas.polyline(_hand(canvas, middle, before, turn), colour, 4.0, 3)
-    canvas.needle(insertion.axis.tip(depth), insertion.scene.needle.tip_radius, 0.2)
+    canvas.needle(insertion.axis.tip_position(depth), insertion.scene.needle.tip_radius, 0.2)
     near = np.vstack([canvas.screen(before), canvas.screen(after)])
     panel.look(Window.around(near, 0.45))
     way = "clockwise" if angle < 0.0 else "counter-clockwise"
@@ -63,7 +63,9 @@ def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
 def _hand(canvas: Canvas, middle: Vector, outline: Points, angle: float) -> Points:
     """Return the ends of an upright diameter that is turned by an angle on the screen."""
     size = 0.5 * float(np.ptp(canvas.screen(outline)[:, 1]))
-    arm: Floats = -canvas.axis.direction * -np.sin(angle) + canvas.axis.laterals[0] * np.cos(angle)
+    arm: Floats = -canvas.axis.direction * -np.sin(angle) + canvas.axis.lateral_directions[
+        0
+    ] * np.cos(angle)
     return np.stack([middle - size * arm, middle + size * arm])
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.alterovitz2003.movable_mesh import MovableMesh
-from needlefem.fem.interpolation import Weights
-from needlefem.needle.needle_interface import Instrument
+from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.needle.needle_interface import NeedleInterface
 
 
 class Touch:
@@ -13,13 +13,13 @@ class Touch:
 
     Parameters
     ----------
-    instrument : Instrument
+    instrument : NeedleInterface
     mesh : MovableMesh
     spread : bool
         Means over the tip's kernel and the shaft's section; else values at nodes alone.
     """
 
-    def __init__(self, instrument: Instrument, mesh: MovableMesh, *, spread: bool) -> None:
+    def __init__(self, instrument: NeedleInterface, mesh: MovableMesh, *, spread: bool) -> None:
         self.instrument, self.mesh, self.spread = instrument, mesh, spread
         self._among: Ints = np.zeros(0, dtype=np.intp)
         self._centre: Vector = instrument.axis.entry
@@ -27,19 +27,19 @@ class Touch:
         self._cutting_force = _uniform(instrument.cutting_force)
         self._friction = _uniform(instrument.shaft_friction)
 
-    def look(self, node: int, point: Vector, shaft: Ints) -> tuple[Weights, Ints]:
+    def look(self, node: int, point: Vector, shaft: Ints) -> tuple[LinearFunctionals, Ints]:
         """Look around a tip whose node is at a point, until that is too far from there.
 
         Returns
         -------
-        Weights
+        LinearFunctionals
             A functional for each of the nodes on the shaft.
         array
             Nodes that the tip's functional may weigh from now on.
         """
         self._centre = point
         if not self.spread:
-            return Weights(shaft, np.eye(len(shaft))), np.array([node])
+            return LinearFunctionals(shaft, np.eye(len(shaft))), np.array([node])
         self._reach = self.size(node)
         points, _ = self.instrument.kernel.quadrature(point)
         thick = float(np.linalg.norm(points - point, axis=1).max())
@@ -56,10 +56,10 @@ class Touch:
         ring = self.mesh.cells[self.mesh.around(np.array([node]))]
         return float(np.linalg.norm(self.mesh.home[ring] - self.mesh.home[node], axis=2).max())
 
-    def tip(self, node: int, point: Vector) -> Weights:
+    def tip(self, node: int, point: Vector) -> LinearFunctionals:
         """Return the tip's functional, its node being put at a point."""
         if not self.spread:
-            return Weights(np.array([node]), np.ones((1, 1)))
+            return LinearFunctionals(np.array([node]), np.ones((1, 1)))
         points, weights = self.instrument.kernel.quadrature(point)
         before = self.mesh.points[node].copy()
         self.mesh.points[node] = point
@@ -67,20 +67,20 @@ class Touch:
         self.mesh.points[node] = before
         return found
 
-    def _sections(self, shaft: Ints) -> Weights:
+    def _sections(self, shaft: Ints) -> LinearFunctionals:
         """Return the mean over the needle's thickness at every node on the shaft."""
         if not len(shaft):
-            return Weights(shaft, np.zeros((0, 0)))
+            return LinearFunctionals(shaft, np.zeros((0, 0)))
         axis, (across, share) = self.instrument.axis, self.instrument.section
         centres = self.mesh.points[shaft]
-        points = (centres[:, None] + across @ axis.laterals).reshape(-1, 2)
-        beside = axis.offset(self.mesh.points)[self.mesh.cells, 0]
-        low, high = np.min(axis.offset(points)), np.max(axis.offset(points))
+        points = (centres[:, None] + across @ axis.lateral_directions).reshape(-1, 2)
+        beside = axis.lateral_offset(self.mesh.points)[self.mesh.cells, 0]
+        low, high = np.min(axis.lateral_offset(points)), np.max(axis.lateral_offset(points))
         among = np.flatnonzero((beside.max(axis=1) >= low) & (beside.min(axis=1) <= high))
         rows = np.repeat(np.arange(len(centres)), len(across))
         return self._means(points, np.tile(share, len(centres)), rows, among)
 
-    def _means(self, points: Points, weights: Floats, row: Ints, among: Ints) -> Weights:
+    def _means(self, points: Points, weights: Floats, row: Ints, among: Ints) -> LinearFunctionals:
         """Return weighted means over points; those outside the tissue are left out."""
         count = int(row[-1]) + 1
         cell, share = self.mesh.find(points, among)
@@ -89,7 +89,7 @@ class Touch:
         nodes, position = np.unique(self.mesh.cells[cell], return_inverse=True)
         slot = row[:, None] * len(nodes) + position.reshape(values.shape)
         rows = np.bincount(slot.ravel(), values.ravel(), count * len(nodes)).astype(float)
-        return Weights(nodes, rows.reshape(count, len(nodes)))
+        return LinearFunctionals(nodes, rows.reshape(count, len(nodes)))
 
     def cutting_force(self, point: Vector) -> float:
         """Return the force at which the tip cuts at a material point, N/m."""

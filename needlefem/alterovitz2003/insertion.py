@@ -17,11 +17,11 @@ from needlefem.alterovitz2003.functionals import Touch
 from needlefem.alterovitz2003.moving_tissue import MovingTissue, Response
 from needlefem.alterovitz2003.node_chain import LEAST_AREA, NodeChain, NoNodeError
 from needlefem.alterovitz2003.tissue_in_time import TissueInTime
-from needlefem.dynamics import Motion
+from needlefem.dynamics import KinematicState
 from needlefem.errors import SimulationError
 from needlefem.insertion.result import Outcome, Status
-from needlefem.insertion.state import State, Way
-from needlefem.needle.needle_interface import Instrument
+from needlefem.insertion.state import State, TipPhase
+from needlefem.needle.needle_interface import NeedleInterface
 
 TOLERANCE = 1e-6
 """Distance of the tip from where the needle is at which a step is solved, m.
@@ -53,7 +53,7 @@ class ConformingInsertion:
 
     Parameters
     ----------
-    instrument : Instrument
+    instrument : NeedleInterface
     tissue : TissueInTime
     spread : bool
         Whether forces are spread over the instrument's kernel and section; else each acts on its
@@ -72,7 +72,7 @@ class ConformingInsertion:
     """
 
     def __init__(
-        self, instrument: Instrument, tissue: TissueInTime, *, spread: bool, grip: float = 1.0
+        self, instrument: NeedleInterface, tissue: TissueInTime, *, spread: bool, grip: float = 1.0
     ) -> None:
         self.axis = instrument.axis
         self.tissue = MovingTissue(tissue, instrument.axis.frame)
@@ -82,7 +82,7 @@ class ConformingInsertion:
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.depth = self._waiting = 0.0
         self.waited = self.steps = 0
-        self._way = Way.PRESSING
+        self._way = TipPhase.LOADING
         self._loose: list[int] | None = None
         self._slope = 0.5 * self.axis.direction  # way of the tip per travel of the needle
         self._jacobian = np.eye(2)
@@ -110,12 +110,12 @@ class ConformingInsertion:
         """
         travel = depth - self.depth
         if travel < 0.0:
-            self._way = Way.WITHDRAWN
-        if self._way is Way.WITHDRAWN:
+            self._way = TipPhase.RETRACTED
+        if self._way is TipPhase.RETRACTED:
             if travel > 0.0:
                 raise SimulationError("a needle that was drawn back can't be pushed in again")
             self._withdraw(depth)
-        elif not (self._way is Way.CUTTING and travel > 0.0 and self._cut(depth)):
+        elif not (self._way is TipPhase.CUTTING and travel > 0.0 and self._cut(depth)):
             self._hold(depth)
         self.depth = depth
         self.steps += 1
@@ -125,16 +125,16 @@ class ConformingInsertion:
         """Let the tip hold its point, or begin to cut if its force is that of cutting."""
         point, travel = self.chain.tip, depth - self.depth
         self.tissue.begin()
-        response, settled = self.contact.evaluate(point, depth, travel, Way.PRESSING)
+        response, settled = self.contact.evaluate(point, depth, travel, TipPhase.LOADING)
         if not settled.held[-2] and settled.forces[-2] > 0.0:
-            if self._way is Way.PRESSING:
+            if self._way is TipPhase.LOADING:
                 if self._cut(depth):
                     return
                 self.tissue.begin()
             response, settled = self.contact.evaluate(
-                point, depth, travel, Way.PRESSING, endless=True
+                point, depth, travel, TipPhase.LOADING, endless=True
             )
-        self._way = Way.PRESSING
+        self._way = TipPhase.LOADING
         self.contact.finish(response, settled)
 
     def _cut(self, depth: float) -> bool:
@@ -143,7 +143,7 @@ class ConformingInsertion:
         travel = max(depth - self.depth + self._waiting, LEAST_TRAVEL)
         failed: Exception | None = None
         for reach in REACHES:
-            self.tissue.motion = Motion(motion.u.copy(), motion.v.copy(), motion.a.copy())
+            self.tissue.motion = KinematicState(motion.u.copy(), motion.v.copy(), motion.a.copy())
             try:
                 other, found = self._look_for(reach * travel * self._slope, depth)
             except (NoNodeError, SimulationError) as error:
@@ -184,13 +184,13 @@ class ConformingInsertion:
         point, response, settled = found
         self.chain.mesh.place(self.chain.tip_node, point)
         self.chain.record(point)
-        self._waiting, self._way = 0.0, Way.CUTTING
+        self._waiting, self._way = 0.0, TipPhase.CUTTING
         self.contact.finish(response, settled)
 
     def _expected(self, slope: Vector) -> Vector:
         """Return what to expect of the next step, mostly straight ahead, after one step's slope."""
         ahead = min(max(float(slope @ self.axis.direction), SLOPES[0]), SLOPES[1])
-        sideways = float(self.axis.laterals[0] @ slope)
+        sideways = float(self.axis.lateral_directions[0] @ slope)
         sideways = min(max(sideways, -SLOPES[0] * ahead), SLOPES[0] * ahead)
         expected: Vector = np.array([ahead, sideways]) @ self.axis.frame
         return expected
@@ -206,7 +206,7 @@ class ConformingInsertion:
         """Find the place of the tip's node by Broyden's method, in the order of the axes."""
         travel = depth - self.depth
         point = _on_raster(point)
-        response, settled = self.contact.evaluate(point, depth, travel, Way.CUTTING)
+        response, settled = self.contact.evaluate(point, depth, travel, TipPhase.CUTTING)
         for _ in range(MOST_ITERATIONS):
             residual = self._off(point, settled, depth)
             if np.max(np.abs(residual)) <= TOLERANCE:
@@ -217,7 +217,7 @@ class ConformingInsertion:
             if not change.any():
                 break
             point = there
-            response, settled = self.contact.evaluate(point, depth, travel, Way.CUTTING)
+            response, settled = self.contact.evaluate(point, depth, travel, TipPhase.CUTTING)
             error = self._off(point, settled, depth) - residual - self._jacobian @ change
             self._jacobian = self._jacobian + np.outer(error, change) / (change @ change)
         self._jacobian = np.eye(2)
@@ -233,7 +233,7 @@ class ConformingInsertion:
 
     def _off(self, point: Vector, settled: Settled, depth: float) -> Vector:
         """Return how far the tip is from where the needle is, shape (2,), m."""
-        off: Vector = point + settled.moved[-2:] @ self.axis.frame - self.axis.tip(depth)
+        off: Vector = point + settled.moved[-2:] @ self.axis.frame - self.axis.tip_position(depth)
         return off
 
     def _withdraw(self, depth: float) -> None:
@@ -243,8 +243,8 @@ class ConformingInsertion:
             self._loose = [chain.tip_node]
         self.tissue.begin()
         point, travel = mesh.points[chain.tip_node], depth - self.depth
-        self.contact.finish(*self.contact.evaluate(point, depth, travel, Way.WITHDRAWN))
-        where = self.axis.along(mesh.points[chain.nodes]) + self.contact.memory.before
+        self.contact.finish(*self.contact.evaluate(point, depth, travel, TipPhase.RETRACTED))
+        where = self.axis.axial_coordinate(mesh.points[chain.nodes]) + self.contact.memory.before
         kept = int(np.count_nonzero(np.minimum.accumulate(where[::-1])[::-1] < depth))
         self._loose += [chain.drop() for _ in range(len(chain.shaft) - kept)]
         self.contact.keep(kept)

@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points
 from needlefem.errors import CaseError
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 INSIDE = 1e-9
 """A point counts as inside a cell when its area coordinates are at most this far below zero."""
@@ -18,7 +18,7 @@ class MovableMesh:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
         Of P1 triangles; it is not changed.
 
     Attributes
@@ -41,7 +41,7 @@ class MovableMesh:
         The tissue has other elements.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: TissueModel) -> None:
         if model.element.name != "P1":
             problem = f"'{model.element.name}', but only nodes of P1 triangles can be moved"
             raise CaseError("discretisation.element", problem, "set it to 'P1'")

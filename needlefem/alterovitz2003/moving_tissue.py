@@ -14,8 +14,8 @@ from needlefem._arrays import Floats, Ints, Vector
 from needlefem.alterovitz2003.movable_mesh import dense_places, spread
 from needlefem.alterovitz2003.node_chain import Moves
 from needlefem.alterovitz2003.tissue_in_time import TissueInTime
-from needlefem.dynamics import Motion
-from needlefem.fem.interpolation import Weights
+from needlefem.dynamics import KinematicState
+from needlefem.fem.interpolation import LinearFunctionals
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class MovingTissue:
         self.shared, self.mesh, self.frame = shared, shared.mesh, frame
         for node in self.mesh.moved:
             self.mesh.restore(int(node))
-        self.motion: Motion = shared.stepper.at_rest()
+        self.motion: KinematicState = shared.stepper.at_rest()
         self._corrected = shared.corrected()
         self._changed = self.mesh.change()
 
@@ -80,13 +80,13 @@ class MovingTissue:
             for vector, new in zip((motion.u, motion.v, motion.a), value, strict=True):
                 vector[equations[free]] = new[free]
 
-    def freeze(self, tip_node: int, shaft: Weights, near: Ints) -> None:
+    def freeze(self, tip_node: int, shaft: LinearFunctionals, near: Ints) -> None:
         """Correct the operator for all nodes as they are, and look at the needle's rows.
 
         Parameters
         ----------
         tip_node : int
-        shaft : Weights
+        shaft : LinearFunctionals
             One functional for every node on the shaft.
         near : array
             Further nodes that the tip's functional may weigh.
@@ -141,13 +141,13 @@ class MovingTissue:
         corners[self._patch.corner] = point
         return corners
 
-    def respond(self, point: Vector, tip: Weights) -> "Response":
+    def respond(self, point: Vector, tip: LinearFunctionals) -> "Response":
         """Return the response of the needle's rows with the tip's node at a point.
 
         Parameters
         ----------
         point : array, shape (2,), m
-        tip : Weights
+        tip : LinearFunctionals
             The tip's functional (one row), over `near` nodes.
         """
         patch, rows = self._patch, self._rows
@@ -185,7 +185,7 @@ class MovingTissue:
         moved = self._corrected.finish(on_rows)
         self.motion = self.shared.stepper.advance(self.motion, moved)
 
-    def moved(self, weights: Weights) -> Floats:
+    def moved(self, weights: LinearFunctionals) -> Floats:
         """Return the displacement of functionals, shape (nrows, 2), m."""
         values = self.shared.equations.at(self.motion.u, weights.nodes).reshape(-1, 2)
         found: Floats = weights.rows @ values

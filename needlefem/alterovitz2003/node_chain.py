@@ -13,7 +13,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.alterovitz2003.movable_mesh import MovableMesh
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 
 LEAST_AREA = 0.05
 """Least area of a cell, relative to that at home, that a move may leave."""
@@ -61,7 +61,7 @@ class NodeChain:
     ----------
     mesh : MovableMesh
         Moved along.
-    axis : Axis
+    axis : InsertionAxis
         Its entry must lie on the outer boundary.
 
     Raises
@@ -70,7 +70,7 @@ class NodeChain:
         No node of the skin can be moved to the entry.
     """
 
-    def __init__(self, mesh: MovableMesh, axis: Axis) -> None:
+    def __init__(self, mesh: MovableMesh, axis: InsertionAxis) -> None:
         self.mesh, self.axis = mesh, axis
         self.shaft: list[ShaftNode] = []
         self.path: list[Vector] = [axis.entry]
@@ -157,8 +157,8 @@ class NodeChain:
     def _behind(self) -> float:
         """Return the path length at which the tip's node is left: abreast of its home."""
         last, end = self.shaft[-1].length, self.lengths[-1]
-        along = self.axis.along(np.array(self.path))
-        sought = float(self.axis.along(self.mesh.home[self.tip_node]))
+        along = self.axis.axial_coordinate(np.array(self.path))
+        sought = float(self.axis.axial_coordinate(self.mesh.home[self.tip_node]))
         length = float(np.interp(sought, along, self.lengths))
         low, high = (last + share * (end - last) for share in MIDDLE)
         return min(max(length, low), high)
@@ -194,8 +194,8 @@ class NodeChain:
         return changed
 
     def _length_at(self, point: Vector) -> float:
-        along = self.axis.along(np.array(self.path))
-        return float(np.interp(float(self.axis.along(point)), along, self.lengths))
+        along = self.axis.axial_coordinate(np.array(self.path))
+        return float(np.interp(float(self.axis.axial_coordinate(point)), along, self.lengths))
 
     def record(self, tip: Vector) -> None:
         """Let the cut path go on to a point."""

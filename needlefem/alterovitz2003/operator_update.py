@@ -10,15 +10,15 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from needlefem._arrays import Floats, Ints, Sparse
-from needlefem.fem.compliance import SharedResponses
+from needlefem.fem.compliance import CachedCompliance
 from needlefem.fem.factorization import Factor, factorise
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 
 class Equations:
     """Values of unknowns at nodes and loads on them; zero where the tissue is held."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: TissueModel) -> None:
         number = np.full(model.ndofs, -1)
         number[model.free_dofs] = np.arange(len(model.free_dofs))
         self._table: Ints = number[model.node_dofs]
@@ -70,14 +70,14 @@ class LowRank:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     factor : Factor
         Of A0.
-    responses : SharedResponses
+    responses : CachedCompliance
         Of the same factor; shared by all that touch the same nodes.
     """
 
-    def __init__(self, model: Model, factor: Factor, responses: SharedResponses) -> None:
+    def __init__(self, model: TissueModel, factor: Factor, responses: CachedCompliance) -> None:
         self._equations, self._factor, self._responses = Equations(model), factor, responses
         self._changed: Ints = np.zeros(0, dtype=np.intp)
         self._t: Floats = np.zeros((0, 0))
@@ -123,12 +123,12 @@ class Refactored:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     matrix : sparse matrix
         A0 on the free unknowns.
     """
 
-    def __init__(self, model: Model, matrix: Sparse) -> None:
+    def __init__(self, model: TissueModel, matrix: Sparse) -> None:
         self._equations, self._matrix = Equations(model), csc_array(matrix)
         self._factor: Factor = factorise(self._matrix)
 

@@ -14,7 +14,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.discretised import discretised
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
-from needlefem.insertion.trajectory import Reach
+from needlefem.insertion.trajectory import TipPoint
 from needlefem.planning.headline import with_headline
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import Reader
@@ -197,7 +197,7 @@ def drift(
     return found
 
 
-def unplanned(simulation: Simulation, target: Vector) -> tuple[Reach | None, Insertion]:
+def unplanned(simulation: Simulation, target: Vector) -> tuple[TipPoint | None, Insertion]:
     """Return what the tip has reached when it is at the target in the world, and how.
 
     None: the insertion ended before.

@@ -10,7 +10,7 @@ from needlefem.alterovitz2003.node_chain import NoNodeError
 from needlefem.alterovitz2003.tissue_in_time import TissueInTime
 from needlefem.dynamics import Damping, Newmark
 from needlefem.errors import SimulationError
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation, Stop, Watch
 from needlefem.insertion.state import State
@@ -58,7 +58,7 @@ class NodeSimulation(Simulation):
     scene : Scene
         Of P1 triangles.
     numbers : InTime
-    model : Model, optional
+    model : TissueModel, optional
     watch : callable, optional
 
     Attributes
@@ -73,7 +73,7 @@ class NodeSimulation(Simulation):
     """
 
     def __init__(
-        self, scene: Scene, numbers: InTime | None = None, model: Model | None = None,
+        self, scene: Scene, numbers: InTime | None = None, model: TissueModel | None = None,
         watch: Watch | None = None,
     ) -> None:  # fmt: skip
         super().__init__(scene, model, watch)
@@ -131,7 +131,7 @@ def _keep(states: list[State], state: State, least: float) -> None:
     """
     if not states:
         states.append(dataclasses.replace(state, depth=0.0, time=0.0, tip_force=0.0))
-    elif len(states) == 2 and len(state.axial) and not len(states[-1].axial):
+    elif len(states) == 2 and len(state.friction_force) and not len(states[-1].friction_force):
         last = states[-1]  # the skin gives way between this state and the next
         states[-1] = dataclasses.replace(last, tip_force=max(last.tip_force, last.cutting_force))
     elif len(states) > 1 and float(np.linalg.norm(state.tip - states[-1].tip)) < least:
@@ -140,7 +140,7 @@ def _keep(states: list[State], state: State, least: float) -> None:
 
 
 def _outcome(outcome: Outcome, states: list[State]) -> Outcome:
-    if outcome.status is Status.COMPLETED and not len(states[-1].axial):
+    if outcome.status is Status.COMPLETED and not len(states[-1].friction_force):
         sentence = f"the skin is not cut at {states[-1].depth:.4g} m, the largest depth"
         return Outcome(Status.NOT_PUNCTURED, sentence)
     return outcome

@@ -5,9 +5,9 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.alterovitz2003.movable_mesh import MovableMesh
 from needlefem.alterovitz2003.operator_update import Corrected, Equations, LowRank, Refactored
-from needlefem.dynamics import Damping, Motion, Newmark, TissueSystem
-from needlefem.fem.compliance import SharedResponses
-from needlefem.fem.tissue_model import Model
+from needlefem.dynamics import Damping, KinematicState, Newmark, TissueSystem
+from needlefem.fem.compliance import CachedCompliance
+from needlefem.fem.tissue_model import TissueModel
 
 
 class TissueInTime:
@@ -15,7 +15,7 @@ class TissueInTime:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
         Of P1 triangles.
     integrator : Newmark
     step : float, s
@@ -30,7 +30,7 @@ class TissueInTime:
     """
 
     def __init__(
-        self, model: Model, integrator: Newmark, step: float, damping: Damping, *,
+        self, model: TissueModel, integrator: Newmark, step: float, damping: Damping, *,
         refactor: bool = False,
     ) -> None:  # fmt: skip
         self.model, self.mesh, self.equations = model, MovableMesh(model), Equations(model)
@@ -50,7 +50,7 @@ class TissueInTime:
         self._mass: Floats = self.system.mass.diagonal()
         self._stiffness = model.free_block(model.stiffness.matrix.tocsr())
         self._refactor = refactor
-        self._responses = SharedResponses(model, self.stepper.factor)
+        self._responses = CachedCompliance(model, self.stepper.factor)
 
     def corrected(self) -> Corrected:
         """Return the step's operator, ready to be corrected."""
@@ -59,7 +59,7 @@ class TissueInTime:
             return Refactored(self.model, matrix + self.inertia * self.system.mass)
         return LowRank(self.model, self.stepper.factor, self._responses)
 
-    def known(self, motion: Motion) -> Floats:
+    def known(self, motion: KinematicState) -> Floats:
         """Return what M and K are multiplied with in a step's right-hand side, shape (2, n)."""
         found: Floats = self._known @ np.array([motion.u, motion.v, motion.a])
         return found

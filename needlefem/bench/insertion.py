@@ -110,7 +110,7 @@ def alone(simulation: Simulation, entry: Entry) -> Insertion:
 
 def _beside(ready: Simulation, height: float) -> Entry:
     """Return the entry at a height above that of the target, m."""
-    lateral = ready.instrument(ready.entry_of_case()).axis.laterals[0]
+    lateral = ready.instrument(ready.entry_of_case()).axis.lateral_directions[0]
     return ready.entry_through(np.array(ready.scene.target) + height * lateral)
 
 

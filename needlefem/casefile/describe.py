@@ -4,8 +4,8 @@ import dataclasses
 import typing
 from typing import Any
 
-from needlefem._parameter import Knob, knob_of
-from needlefem.geometry.image_frame import Frame, Voxels
+from needlefem._parameter import ParameterInfo, parameter_info
+from needlefem.geometry.image_frame import ImageFrame, Voxels
 from needlefem.materials import LAWS
 from needlefem.scene import (
     BoxMesh,
@@ -42,7 +42,7 @@ TABLES: dict[str, type] = {
     "`[targets]`": TargetDraw,
     "`[outputs]`": Outputs,
     "`[limits]`": Limits,
-    "`[frame]`": Frame,
+    "`[frame]`": ImageFrame,
     "`[frame.voxels]`": Voxels,
 }
 
@@ -58,7 +58,7 @@ def describe() -> str:
 
 
 def _row(field: "dataclasses.Field[Any]") -> str | None:
-    declared = knob_of(field)
+    declared = parameter_info(field)
     if declared is None:
         return None
     cells = [
@@ -71,7 +71,7 @@ def _row(field: "dataclasses.Field[Any]") -> str | None:
     return "| " + " | ".join(cells) + " |"
 
 
-def _range(declared: Knob) -> str:
+def _range(declared: ParameterInfo) -> str:
     if declared.choices:
         return ", ".join(f"`{choice}`" for choice in declared.choices)
     text = declared.range_text()

@@ -14,7 +14,7 @@ from needlefem.casefile.openkeys import refuse_open
 from needlefem.casefile.reader import Reader
 from needlefem.casefile.tables import Table, required, table, tables
 from needlefem.errors import CaseError, short
-from needlefem.geometry.image_frame import Frame
+from needlefem.geometry.image_frame import ImageFrame
 from needlefem.scene import (
     Discretisation,
     FileMesh,
@@ -151,7 +151,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
         outputs=reader.fill(Outputs, data.get("outputs", {}), "outputs"),
         limits=reader.fill(Limits, data.get("limits", {}), "limits"),
         expect=read_expectations(data.get("expect", []), axes),
-        frame=reader.fill(Frame, data["frame"], "frame") if "frame" in data else None,
+        frame=reader.fill(ImageFrame, data["frame"], "frame") if "frame" in data else None,
     )
     if reader.file_mesh is not None and isinstance(mesh, FileMesh):
         refuse_wrong_unit(scene, reader.file_mesh, mesh.unit)

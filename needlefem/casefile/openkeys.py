@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
-from needlefem._parameter import knob_of
+from needlefem._parameter import parameter_info
 from needlefem._toml import dotted_key
 from needlefem.casefile.tables import Table
 from needlefem.errors import CaseError
@@ -65,7 +65,7 @@ def _what(path: tuple[str, ...]) -> str:
         return f"a tissue of the library ({', '.join(library())}) or its constants instead"
     for cls in tuple(LAWS.values()) if path[0] == "materials" else _CLASSES.get(path[0], ()):
         for field in dataclasses.fields(cls):
-            declared = knob_of(field)
+            declared = parameter_info(field)
             if field.name == name and declared is not None:
                 sentence = declared.sentence[0].lower() + declared.sentence[1:]
                 return sentence + _example(declared.dimension)

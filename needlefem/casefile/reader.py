@@ -11,7 +11,7 @@ from needlefem.casefile.contourfile import read_contour
 from needlefem.casefile.tables import Table, required
 from needlefem.errors import CaseError, nearest, short
 from needlefem.geometry.contour import Contour
-from needlefem.materials import Material, law_class, split
+from needlefem.materials import Material, law_class, volumetric_split
 from needlefem.materials.tissue_library import tissue_table
 from needlefem.mesh.file import read_mesh
 from needlefem.mesh.generation import group_cells, outline, parts
@@ -64,7 +64,7 @@ class Reader:
 
         def of_law() -> Material:  # a law does not know its name
             found: Material = self.fill(law_class(law, f"{prefix}.law"), fields, prefix)
-            split(found)
+            volumetric_split(found)
             return found
 
         material: Material = made(of_law, "material", prefix)

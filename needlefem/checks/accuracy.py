@@ -9,9 +9,9 @@ from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
 from needlefem.checks.mesh_checks import NEARLY_INCOMPRESSIBLE
 from needlefem.checks.models import distorted_mesh, mapped_mesh
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.elements import ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
-from needlefem.materials import Isotropic, Material, Split, plane_split
+from needlefem.elements import ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.materials import Isotropic, Material, VolumetricSplit, plane_volumetric_split
 
 LOCKING = 6.0
 """Error over that of the interpolant beyond which an element is said to lock."""
@@ -22,14 +22,14 @@ FINE = {1: 32, 2: 16}
 
 
 def solve_manufactured(
-    element: ElementRow,
+    element: ElementType,
     material: Material,
     field: Manufactured,
     divisions: int,
     plane: str = "strain",
-) -> Solution:
+) -> StaticSolution:
     """Solve on a distorted square, one side of which is pulled, the others held."""
-    law = plane_split(material, plane)
+    law = plane_volumetric_split(material, plane)
     # the field of an incompressible law keeps its volume, and needs no pressure
     stiffness = law.shape if law.compressibility == 0.0 else law.stiffness
     number = np.array([[0, 2], [2, 1]])
@@ -39,14 +39,16 @@ def solve_manufactured(
         found: Floats = np.einsum("ijkl,nkl,nj->ni", tangent, field.gradient(points), normals)
         return found
 
-    problem = Statics(distorted_mesh(element, divisions, 0.2), element, material, plane)
-    problem.hold(lambda x: x[:, 0] < 1.0 - 1e-9, field.displacement)
-    problem.push(traction, lambda x: x[:, 0] > 1.0 - 1e-9)
-    return problem.body(field.body_force(stiffness)).solve()
+    problem = BoundaryValueProblem(
+        distorted_mesh(element, divisions, 0.2), element, material, plane
+    )
+    problem.fix(lambda x: x[:, 0] < 1.0 - 1e-9, field.displacement)
+    problem.apply_traction(traction, lambda x: x[:, 0] > 1.0 - 1e-9)
+    return problem.apply_body_force(field.body_force(stiffness)).solve()
 
 
 def convergence(
-    element: ElementRow, material: Material, plane: str, law: Split
+    element: ElementType, material: Material, plane: str, law: VolumetricSplit
 ) -> list[CheckResult]:
     """Refine under a manufactured solution: order and size of the error."""
     field = ISOCHORIC if law.poissons_ratio > 0.45 else GENERAL
@@ -73,18 +75,18 @@ def convergence(
     return [*found, outcome("accuracy", sentence, accuracy, LOCKING)]
 
 
-def _errors(solved: Solution, field: Manufactured) -> Floats:
+def _errors(solved: StaticSolution, field: Manufactured) -> Floats:
     return np.array([solved.l2_error(field.displacement), solved.h1_error(field.gradient)])
 
 
-def over_interpolant(solved: Solution, field: Manufactured) -> float:
+def over_interpolant(solved: StaticSolution, field: Manufactured) -> float:
     """Return the L2 error of a solution over that of the exact field's interpolant."""
     nodal = solved.space.dof_vector(field.displacement(solved.space.nodes))
     least = dataclasses.replace(solved, u=nodal).l2_error(field.displacement)
     return solved.l2_error(field.displacement) / least
 
 
-def no_locking(element: ElementRow) -> CheckResult:
+def no_locking(element: ElementType) -> CheckResult:
     """Check that an element does not lock up to the Poisson's ratio that its row declares."""
     ratio = min(element.poissons_ratio_limit, NEARLY_INCOMPRESSIBLE)
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
@@ -98,7 +100,7 @@ def no_locking(element: ElementRow) -> CheckResult:
 
 
 def two_material_bar(
-    element: ElementRow, contrast: float, stress: float = 2.0
+    element: ElementType, contrast: float, stress: float = 2.0
 ) -> tuple[float, float]:
     """Return the end's displacement of a pressed bar, one half of which is stiffer, and the exact.
 
@@ -112,10 +114,10 @@ def two_material_bar(
         "right": Isotropic(youngs_modulus=contrast, poissons_ratio=0.3),
     }
     named = mesh.with_subdomains({"left": left, "right": right})
-    problem = Statics(named, element, laws)
-    problem.hold(lambda x: x[:, 0] < 1e-9, axes=[0])
-    problem.hold(lambda x: np.abs(x[:, 1] - 0.5) > 0.5 - 1e-9, axes=[1])
-    problem.push(lambda _, normals: stress * normals, lambda x: x[:, 0] > 1.0 - 1e-9)
+    problem = BoundaryValueProblem(named, element, laws)
+    problem.fix(lambda x: x[:, 0] < 1e-9, axes=[0])
+    problem.fix(lambda x: np.abs(x[:, 1] - 0.5) > 0.5 - 1e-9, axes=[1])
+    problem.apply_traction(lambda _, normals: stress * normals, lambda x: x[:, 0] > 1.0 - 1e-9)
     moved = float(problem.solve().at(np.array([[1.0, 0.5]]))[0, 0])
     moduli = [law.lame()[0] + 2.0 * law.lame()[1] for law in laws.values()]
     return moved, stress * (0.5 / moduli[0] + 0.5 / moduli[1])

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from needlefem.checks.reference_problem import Answer, Curve
-from needlefem.fem.boundary_value_problem import Solution
+from needlefem.fem.boundary_value_problem import StaticSolution
 
 LONG_ENOUGH = 0.03
 """Seconds from which on one timing is taken as it is."""
@@ -14,10 +14,10 @@ LONG_ENOUGH = 0.03
 def sweep(
     element: str,
     divisions: Sequence[int],
-    solve: Callable[[int], Solution],
-    errors: Callable[[Solution], dict[str, float]],
+    solve: Callable[[int], StaticSolution],
+    errors: Callable[[StaticSolution], dict[str, float]],
     orders: dict[str, float] | None = None,
-) -> tuple[dict[str, Curve], Solution]:
+) -> tuple[dict[str, Curve], StaticSolution]:
     """Solve on meshes of several divisions and return a curve for every error.
 
     Parameters
@@ -55,7 +55,7 @@ def sweep(
     return curves, solved
 
 
-def _timed(solve: Callable[[int], Solution], count: int) -> tuple[Solution, float]:
+def _timed(solve: Callable[[int], StaticSolution], count: int) -> tuple[StaticSolution, float]:
     """Return a solution and its seconds: the median of three where one is too short to time."""
     spent: list[float] = []
     while len(spent) < 3:

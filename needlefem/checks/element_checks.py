@@ -5,15 +5,15 @@ import numpy as np
 from needlefem._arrays import Floats, Points
 from needlefem.checks.models import distorted_mesh
 from needlefem.checks.result import CheckResult
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.quadrature import gauss, simplex
 from needlefem.elements.shape_functions import shape_table
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 
 SIMPLEX = ("triangle", "tetrahedron")
 
 
-def check_shape(element: ElementRow) -> tuple[CheckResult, ...]:
+def check_shape(element: ElementType) -> tuple[CheckResult, ...]:
     """Run all checks of an element's functions and rules."""
     return (
         nodal_functions(element),
@@ -25,7 +25,7 @@ def check_shape(element: ElementRow) -> tuple[CheckResult, ...]:
     )
 
 
-def _inside(element: ElementRow) -> Points:
+def _inside(element: ElementType) -> Points:
     """Return points inside the reference cell, shape (20, dim)."""
     random = np.random.default_rng(5)
     dim = element.nodes.shape[1]
@@ -34,12 +34,12 @@ def _inside(element: ElementRow) -> Points:
     return random.uniform(0.0, 1.0, (20, dim))
 
 
-def _values(element: ElementRow, points: Points) -> Floats:
+def _values(element: ElementType, points: Points) -> Floats:
     scalar = element.make()
     return np.stack([scalar.lbasis(points.T, i)[0] for i in range(len(element.nodes))], axis=1)
 
 
-def nodal_functions(element: ElementRow) -> CheckResult:
+def nodal_functions(element: ElementType) -> CheckResult:
     """Check that every function is 1 at its node, 0 at the others, and that they add up to 1."""
     at_nodes = np.abs(_values(element, element.nodes) - np.eye(len(element.nodes))).max()
     sums = np.abs(_values(element, _inside(element)).sum(axis=1) - 1.0).max()
@@ -51,7 +51,7 @@ def nodal_functions(element: ElementRow) -> CheckResult:
     )
 
 
-def shape_gradients(element: ElementRow) -> CheckResult:
+def shape_gradients(element: ElementType) -> CheckResult:
     """Check the gradients of the functions against central differences."""
     scalar, points, step = element.make(), _inside(element), 1e-5
     worst = 0.0
@@ -70,7 +70,7 @@ def shape_gradients(element: ElementRow) -> CheckResult:
     )
 
 
-def completeness(element: ElementRow) -> CheckResult:
+def completeness(element: ElementType) -> CheckResult:
     """Check that polynomials of the declared degree are met exactly."""
     points, worst = _inside(element), 0.0
     for power in np.ndindex(*[element.degree + 1] * points.shape[1]):
@@ -86,10 +86,10 @@ def completeness(element: ElementRow) -> CheckResult:
     )
 
 
-def continuity(element: ElementRow) -> CheckResult:
+def continuity(element: ElementType) -> CheckResult:
     """Check that displacements of any dofs agree on both sides of every edge (2D)."""
     mesh = distorted_mesh(element, 3)
-    space = Space(mesh, element)
+    space = FunctionSpace(mesh, element)
     field = np.random.default_rng(2).normal(size=space.nnodes)
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     ends = mesh.p[:, mesh.facets[:, inner]]
@@ -110,11 +110,11 @@ def continuity(element: ElementRow) -> CheckResult:
     )
 
 
-def _measure(element: ElementRow) -> float:
+def _measure(element: ElementType) -> float:
     return {"triangle": 0.5, "tetrahedron": 1.0 / 6.0}.get(element.cell, 1.0)
 
 
-def rules(element: ElementRow) -> CheckResult:
+def rules(element: ElementType) -> CheckResult:
     """Check that the weights of every rule add up to the reference cell."""
     used = [element.stiffness_rule, element.mass_rule, element.volume_rule]
     off = [abs(rule()[1].sum() / _measure(element) - 1.0) for rule in used if rule is not None]
@@ -126,7 +126,7 @@ def rules(element: ElementRow) -> CheckResult:
     )
 
 
-def mass_rule(element: ElementRow) -> CheckResult:
+def mass_rule(element: ElementType) -> CheckResult:
     """Check that the rule of M integrates products of functions exactly on the reference cell."""
     dim, high = element.nodes.shape[1], 2 * element.make().maxdeg
     fine = simplex(high, dim) if element.cell in SIMPLEX else gauss(high, dim)

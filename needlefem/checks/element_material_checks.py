@@ -16,10 +16,10 @@ from needlefem.checks.mesh_checks import (
 from needlefem.checks.modal import BOX, box_frequencies, eigenfrequencies, sliding_box
 from needlefem.checks.models import distorted_mesh, rectangle
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.errors import CaseError
-from needlefem.fem.boundary_value_problem import Statics
-from needlefem.materials import Isotropic, Material, Split, plane_split
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem
+from needlefem.materials import Isotropic, Material, VolumetricSplit, plane_volumetric_split
 from needlefem.mesh.cell_map import refuse_bad_cells
 
 DISPERSION = {1: 0.3, 2: 5e-3}
@@ -29,7 +29,9 @@ A quarter above the largest of P1 and P2, the least accurate of their degrees, a
 """
 
 
-def patches(element: ElementRow, material: Material, plane: str, law: Split) -> list[CheckResult]:
+def patches(
+    element: ElementType, material: Material, plane: str, law: VolumetricSplit
+) -> list[CheckResult]:
     """Run the patch tests (B. Irons, A. Razzaque 1972) that the element's degree allows."""
     mesh = distorted_mesh(element, 4)
     # round-off grows with the condition of the system, which is kappa over shear
@@ -60,13 +62,13 @@ def patches(element: ElementRow, material: Material, plane: str, law: Split) -> 
     return found
 
 
-def bending_error(element: ElementRow, material: Material, plane: str = "strain") -> float:
+def bending_error(element: ElementType, material: Material, plane: str = "strain") -> float:
     """Return the largest error of pure bending on a distorted mesh, relative.
 
     ``u = x y, v = -(x^2 + b y^2) / 2`` with b from the law: strain linear in y along x, no
     stress along y (S. P. Timoshenko).
     """
-    law = plane_split(material, plane)
+    law = plane_volumetric_split(material, plane)
     stiffness = law.stiffness
     ratio = float(stiffness[0, 1] / stiffness[1, 1])
     field = Manufactured(
@@ -76,14 +78,14 @@ def bending_error(element: ElementRow, material: Material, plane: str = "strain"
             np.array([[[0.0, 1.0], [1.0, 0.0]], [[-1.0, 0.0], [0.0, -ratio]]]), (len(p), 2, 2, 2)
         ),
     )
-    problem = Statics(distorted_mesh(element, 4), element, material, plane)
-    problem.hold(None, field.displacement).body(field.body_force(stiffness))
+    problem = BoundaryValueProblem(distorted_mesh(element, 4), element, material, plane)
+    problem.fix(None, field.displacement).apply_body_force(field.body_force(stiffness))
     solved = problem.solve()
     exact = solved.space.dof_vector(field.displacement(solved.space.nodes))
     return float(np.abs(solved.u - exact).max() / np.abs(exact).max())
 
 
-def modes(element: ElementRow, material: Material, plane: str) -> list[CheckResult]:
+def modes(element: ElementType, material: Material, plane: str) -> list[CheckResult]:
     """Count the motions that cost nothing, and measure the force of rigid ones."""
     model = rectangle(element, material, 3, plane=plane)
     return [
@@ -97,7 +99,7 @@ def modes(element: ElementRow, material: Material, plane: str) -> list[CheckResu
     ]
 
 
-def masses(element: ElementRow, material: Material, plane: str) -> list[CheckResult]:
+def masses(element: ElementType, material: Material, plane: str) -> list[CheckResult]:
     """Check total and sign of consistent and admitted lumped masses."""
     heavy = dataclasses.replace(material, density=1000.0)  # type: ignore[type-var]
     model = rectangle(element, heavy, 3, plane=plane)
@@ -120,7 +122,7 @@ def masses(element: ElementRow, material: Material, plane: str) -> list[CheckRes
     ]
 
 
-def bad_cells_refused(element: ElementRow) -> CheckResult:
+def bad_cells_refused(element: ElementType) -> CheckResult:
     """Check that concave, crossed or flat cells of the element's mesh are refused."""
     mesh = distorted_mesh(element, 3, 0.0)
     points = mesh.p.copy()
@@ -135,15 +137,17 @@ def bad_cells_refused(element: ElementRow) -> CheckResult:
     )
 
 
-def inf_sup(element: ElementRow, divisions: int) -> float:
+def inf_sup(element: ElementType, divisions: int) -> float:
     """Return the inf-sup constant of a mixed element on a held square.
 
     The square root of the smallest eigenvalue of ``B inv(A) B'`` against the pressure's mass,
     the constant pressure left out (D. Chapelle, K.-J. Bathe 1993).
     """
     material = Isotropic(youngs_modulus=3.0, poissons_ratio=0.0)
-    stiffness = Statics(distorted_mesh(element, divisions), element, material).stiffness
-    space = Statics(distorted_mesh(element, divisions), element, material).space
+    stiffness = BoundaryValueProblem(
+        distorted_mesh(element, divisions), element, material
+    ).stiffness
+    space = BoundaryValueProblem(distorted_mesh(element, divisions), element, material).space
     free = np.setdiff1d(np.arange(space.ndofs), space.dofs_on(space.mesh.boundary_facets()))
     coupling = stiffness.coupling.tocsr()[:, free].toarray()
     inner = stiffness.matrix.tocsr()[free][:, free].toarray()
@@ -153,7 +157,7 @@ def inf_sup(element: ElementRow, divisions: int) -> float:
     return float(np.sqrt(max(values[1], 0.0)))
 
 
-def pressure_stability(element: ElementRow) -> CheckResult:
+def pressure_stability(element: ElementType) -> CheckResult:
     """Check that the pressure of a mixed element stays stable under refinement."""
     coarse, fine = inf_sup(element, 4), inf_sup(element, 8)
     return outcome(
@@ -164,12 +168,12 @@ def pressure_stability(element: ElementRow) -> CheckResult:
     )
 
 
-def frequencies(element: ElementRow, material: Material, plane: str) -> CheckResult:
+def frequencies(element: ElementType, material: Material, plane: str) -> CheckResult:
     """Check the six lowest frequencies of a box whose sides slide, against plane waves."""
     heavy = dataclasses.replace(material, density=1000.0)  # type: ignore[type-var]
     model = sliding_box(element, heavy, 16, plane)
     found = eigenfrequencies(model, 6)
-    exact, number = box_frequencies(plane_split(heavy, plane).stiffness, 1000.0, 6)
+    exact, number = box_frequencies(plane_volumetric_split(heavy, plane).stiffness, 1000.0, 6)
     degree = min(element.degree, max(DISPERSION))
     size = max(BOX) / 16.0
     allowed = DISPERSION[degree] * (number * size) ** (2 * degree)

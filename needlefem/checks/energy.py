@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from needlefem.dynamics import Motion, Newmark, TissueSystem, kinetic_energy
-from needlefem.fem.tissue_model import Model
+from needlefem.dynamics import KinematicState, Newmark, TissueSystem, kinetic_energy
+from needlefem.fem.tissue_model import TissueModel
 
 
-def energy_drift(model: Model, step: float, count: int, lumping: str | None = None) -> float:
+def energy_drift(model: TissueModel, step: float, count: int, lumping: str | None = None) -> float:
     """Return the largest relative change of energy over `count` free steps of `step` s.
 
     Average acceleration without damping, from a smooth displacement at rest; the energy is
@@ -15,7 +15,7 @@ def energy_drift(model: Model, step: float, count: int, lumping: str | None = No
     system = TissueSystem(model, lumping=lumping)
     dynamics = Newmark().stepper(system, step)
 
-    def energy_of(motion: Motion) -> float:
+    def energy_of(motion: KinematicState) -> float:
         return kinetic_energy(system, motion.v) + system.strain_energy(motion.u)
 
     shape = np.sin(np.pi * (model.nodes - model.nodes.min(axis=0)) / np.ptp(model.nodes, axis=0))

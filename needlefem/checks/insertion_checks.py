@@ -6,7 +6,7 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.mesh.entry import Entry
 from needlefem.mesh.generation import cell_sizes
 from needlefem.scene import BoxMesh, Scene
@@ -19,7 +19,7 @@ class NeedleInTissue(Protocol):
     """A scene's needle and tissue, ready for insertions."""
 
     scene: Scene
-    model: Model
+    model: TissueModel
     direction: Vector
 
     def reach(self, entry: Entry) -> float:

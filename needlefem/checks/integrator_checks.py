@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from needlefem._arrays import Floats
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.dynamics import EnergyLedger, Integrator, MatrixSystem, Motion
+from needlefem.dynamics import EnergyLedger, Integrator, KinematicState, MatrixSystem
 from needlefem.dynamics.histories import Load, iterate, last
 from needlefem.errors import CaseError
 
@@ -50,7 +50,7 @@ def amplification(integrator: Integrator, step: float, ratio: float = 0.0) -> Fl
     for unit in np.eye(3):
         u, v, a = (np.array([x]) for x in unit / scale)
         zero = np.zeros(1)
-        moved = stepper.advance_under(Motion(u, v, a), zero, zero)
+        moved = stepper.advance_under(KinematicState(u, v, a), zero, zero)
         columns.append(scale * np.concatenate([moved.u, moved.v, moved.a]))
     return np.array(columns).T
 

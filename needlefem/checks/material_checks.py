@@ -7,7 +7,7 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.checks.result import CheckResult
 from needlefem.errors import CaseError
-from needlefem.materials import Isotropic, Material, Response, split, voigt
+from needlefem.materials import Isotropic, Material, MaterialResponse, voigt, volumetric_split
 from needlefem.materials.relaxation import HasBranches
 from needlefem.materials.volumetric_split import HasCompliance
 
@@ -47,7 +47,7 @@ def _scale(material: Material) -> float:
     return float(np.abs(_tangent(material.respond(np.zeros((3, 3))))).max())
 
 
-def _tangent(response: Response) -> Floats:
+def _tangent(response: MaterialResponse) -> Floats:
     return np.asarray(response.tangent, dtype=float)
 
 
@@ -74,7 +74,7 @@ def density(material: Material) -> CheckResult:
 def stable(material: Material) -> CheckResult:
     """Check that every strain costs energy."""
     try:
-        stiff = split(material).shear > 0.0
+        stiff = volumetric_split(material).shear > 0.0
     except (CaseError, np.linalg.LinAlgError):
         stiff = False
     return CheckResult(

@@ -7,13 +7,13 @@ import numpy as np
 
 from needlefem._arrays import Floats, SkfemMesh
 from needlefem.checks.result import CheckResult
-from needlefem.elements import ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
-from needlefem.fem.function_space import Space
+from needlefem.elements import ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.geometry.contour import Contour
-from needlefem.materials import Isotropic, Material, plane_split, split
+from needlefem.materials import Isotropic, Material, plane_volumetric_split, volumetric_split
 from needlefem.materials.voigt import IN_PLANE, strain, tensor
 from needlefem.mesh.cell_map import cell_corners, cell_measures, corner_jacobians
 from needlefem.mesh.soundness import refuse_unsound
@@ -42,7 +42,9 @@ def linear_field(points: Floats) -> Floats:
 def constant_stress(material: Material, gradient: Floats, plane: str = "strain") -> Floats:
     """Return the stress tensor, shape (dim, dim), of a displacement gradient, from the law."""
     dim = len(gradient)
-    law = (split(material) if dim == 3 else plane_split(material, plane)).stiffness
+    law = (
+        volumetric_split(material) if dim == 3 else plane_volumetric_split(material, plane)
+    ).stiffness
     whole = np.zeros((3, 3))
     whole[:dim, :dim] = gradient
     rows = np.arange(6) if dim == 3 else np.array(IN_PLANE)
@@ -54,33 +56,33 @@ def constant_stress(material: Material, gradient: Floats, plane: str = "strain")
 
 def patch_error(
     mesh: SkfemMesh,
-    element: ElementRow,
+    element: ElementType,
     material: Material,
     plane: str = "strain",
-    space: Space | None = None,
+    space: FunctionSpace | None = None,
 ) -> float:
     """Return the largest relative error of a linear field prescribed on the whole boundary.
 
     The strain is then constant and must be met exactly inside, whatever the mesh
     (B. Irons, A. Razzaque 1972; O. C. Zienkiewicz, R. L. Taylor, The Finite Element Method).
     """
-    problem = Statics(mesh, element, material, plane, space)
-    return _off(problem.hold(None, linear_field).solve())
+    problem = BoundaryValueProblem(mesh, element, material, plane, space)
+    return _off(problem.fix(None, linear_field).solve())
 
 
 def traction_patch_error(
-    mesh: SkfemMesh, element: ElementRow, material: Material, plane: str = "strain"
+    mesh: SkfemMesh, element: ElementType, material: Material, plane: str = "strain"
 ) -> float:
     """Return the largest relative error of a linear field that tractions alone produce.
 
     Only rigid motions are held, at two nodes (three in space).
     """
-    problem = Statics(mesh, element, material, plane)
+    problem = BoundaryValueProblem(mesh, element, material, plane)
     stress = constant_stress(material, linear_gradient(mesh.dim()), plane)
-    problem.push(lambda _, normals: normals @ stress.T)
+    problem.apply_traction(lambda _, normals: normals @ stress.T)
     for node, axes in statically_determinate(problem.space.nodes):
         value = linear_field(problem.space.nodes[[node]])[0]
-        problem.pin(node, [value[i] if i in axes else None for i in range(mesh.dim())])
+        problem.fix_node(node, [value[i] if i in axes else None for i in range(mesh.dim())])
     return _off(problem.solve())
 
 
@@ -95,19 +97,19 @@ def statically_determinate(nodes: Floats) -> list[tuple[int, tuple[int, ...]]]:
     return [(low, (0, 1, 2)), (along, (1, 2)), (beside, (2,))]
 
 
-def _off(solved: Solution) -> float:
+def _off(solved: StaticSolution) -> float:
     exact = solved.space.dof_vector(linear_field(solved.space.nodes))
     return float(np.max(np.abs(solved.u - exact)) / np.max(np.abs(exact)))
 
 
-def patch(model: Model) -> CheckResult:
+def patch(model: TissueModel) -> CheckResult:
     """Check the patch test on the model's mesh with its least compressible law throughout.
 
     The bound leaves room for the round-off of large and stretched meshes; a wrong element
     misses by a thousandth and more.
     """
-    worst = max(model.materials.values(), key=lambda m: split(m).poissons_ratio)
-    if plane_split(worst, model.plane).compressibility == 0.0:
+    worst = max(model.materials.values(), key=lambda m: volumetric_split(m).poissons_ratio)
+    if plane_volumetric_split(worst, model.plane).compressibility == 0.0:
         worst = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
     return CheckResult(
         name="patch",
@@ -117,7 +119,7 @@ def patch(model: Model) -> CheckResult:
     )
 
 
-def rigid_motion(model: Model) -> CheckResult:
+def rigid_motion(model: TissueModel) -> CheckResult:
     """Check that rigid motions of the tissue as it is cost no force."""
     stiffness, motions = model.stiffness, model.rigid_motions
     force = np.linalg.norm(stiffness.matrix @ motions, axis=0)
@@ -141,12 +143,12 @@ def spectrum(stiffness: Stiffness) -> Floats:
     return np.asarray(values / values[-1], dtype=float)
 
 
-def zero_modes(model: Model) -> int:
+def zero_modes(model: TissueModel) -> int:
     """Return how many eigenvalues of K, unsupported, are zero (below 1e-12 of the largest)."""
     return int(np.sum(np.abs(spectrum(model.stiffness)) < 1e-12))
 
 
-def _probe_loads(model: Model) -> Floats:
+def _probe_loads(model: TissueModel) -> Floats:
     """Return loads at two cells' centroids, one along every axis, shape (ndofs, 2 dim).
 
     The first cells from a third and from two thirds of the mesh on of which nothing is held.
@@ -170,7 +172,7 @@ def _relative(error: float, largest: float) -> float:
     return float(error / largest) if largest > 0.0 else float("nan")
 
 
-def reciprocity(model: Model) -> CheckResult:
+def reciprocity(model: TissueModel) -> CheckResult:
     """Check Betti's theorem: the response at A to a force at B is that at B to one at A."""
     forces = _probe_loads(model)
     return _reciprocity(forces, model.solve(forces))
@@ -188,7 +190,7 @@ def _reciprocity(forces: Floats, moved: Floats) -> CheckResult:
     )
 
 
-def energy_identity(model: Model) -> CheckResult:
+def energy_identity(model: TissueModel) -> CheckResult:
     """Check that strain energy changes by the mean force's work between two loaded states."""
     loads = _probe_loads(model)[:, :2]
     return _energy_identity(model, loads, model.solve(loads))
@@ -208,7 +210,7 @@ def _energy_identity(model: Model, loads: Floats, responses: Floats) -> CheckRes
     )
 
 
-def covering(model: Model) -> CheckResult:
+def covering(model: TissueModel) -> CheckResult:
     """Check that the cells cover the tissue once: their measures add up to what they enclose.
 
     scikit-fem takes the absolute value of the Jacobian, so that a cell which is turned over,
@@ -231,7 +233,7 @@ def covering(model: Model) -> CheckResult:
     )
 
 
-def cell_shape(model: Model) -> CheckResult:
+def cell_shape(model: TissueModel) -> CheckResult:
     """Check that no cell is flat or concave: squared longest edge over the smallest Jacobian."""
     corners = cell_corners(model.mesh)
     longest = np.max(np.linalg.norm(corners - corners[:, :1], axis=2), axis=1)
@@ -275,7 +277,7 @@ def overlaps(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> Iterator[str]:
             )
 
 
-def preflight(model: Model) -> tuple[CheckResult, ...]:
+def preflight(model: TissueModel) -> tuple[CheckResult, ...]:
     """Run the checks that a tissue must pass before it is planned on, in milliseconds.
 
     Raises

@@ -6,13 +6,13 @@ from needlefem._arrays import Floats
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes
-from needlefem.elements import ElementRow
-from needlefem.fem.tissue_model import Model
+from needlefem.elements import ElementType
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import Material
 from needlefem.scene import Support
 
 
-def eigenfrequencies(model: Model, count: int) -> Floats:
+def eigenfrequencies(model: TissueModel, count: int) -> Floats:
     """Return the lowest angular frequencies of the supported tissue, shape (count,), 1/s."""
     return modes(TissueSystem(model), count)[0]
 
@@ -22,8 +22,8 @@ BOX = (1.5, 1.0)
 
 
 def sliding_box(
-    element: ElementRow, material: Material, divisions: int, plane: str = "strain"
-) -> Model:
+    element: ElementType, material: Material, divisions: int, plane: str = "strain"
+) -> TissueModel:
     """Return a box whose sides slide without friction."""
     supports = {
         "across": Support(faces=("y_min", "y_max"), fixed=("y",)),

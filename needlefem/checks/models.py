@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from needlefem._arrays import Bools, Points, SkfemMesh
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.quadrature import gauss, simplex
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import Material
 from needlefem.mesh.generation import BACKGROUND, box, curved, name_faces, name_regions
 from needlefem.scene import Support
@@ -17,7 +17,7 @@ ONE_SIDE: Mapping[str, Support] = {"one side": Support(faces=("y_min",))}
 
 
 def square_mesh(
-    element: ElementRow, divisions: int, size: tuple[float, float] = (1.0, 1.0)
+    element: ElementType, divisions: int, size: tuple[float, float] = (1.0, 1.0)
 ) -> SkfemMesh:
     """Return a rectangle at the origin of triangles or quadrilaterals, as the element needs."""
     pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
@@ -25,7 +25,7 @@ def square_mesh(
 
 
 def mapped_mesh(
-    element: ElementRow,
+    element: ElementType,
     divisions: tuple[int, int],
     place: Callable[[Points], Points],
     *,
@@ -42,7 +42,7 @@ def mapped_mesh(
     return type(mesh)(np.ascontiguousarray(place(mesh.p.T).T), mesh.t)
 
 
-def for_bent_cells(element: ElementRow) -> ElementRow:
+def for_bent_cells(element: ElementType) -> ElementType:
     """Return the element with a finer rule: on curved cells its own is a reduced integration."""
     rule = simplex(6) if element.cell == "triangle" else gauss(4)
     return dataclasses.replace(element, stiffness_rule=rule)
@@ -58,7 +58,7 @@ def joined(parts: Sequence[SkfemMesh]) -> SkfemMesh:
     return type(parts[0])(np.ascontiguousarray(points[:, first]), number.ravel()[cells])
 
 
-def distorted_mesh(element: ElementRow, divisions: int, share: float = 0.3) -> SkfemMesh:
+def distorted_mesh(element: ElementType, divisions: int, share: float = 0.3) -> SkfemMesh:
     """Return the unit square with inner vertices moved by up to `share` of a division."""
     mesh = square_mesh(element, divisions)
     inner = np.setdiff1d(np.arange(mesh.nvertices), mesh.boundary_nodes())
@@ -69,38 +69,38 @@ def distorted_mesh(element: ElementRow, divisions: int, share: float = 0.3) -> S
 
 
 def rectangle(
-    element: ElementRow,
+    element: ElementType,
     material: Material,
     divisions: int,
     size: tuple[float, float] = (1.0, 1.0),
     supports: Mapping[str, Support] = ONE_SIDE,
     *,
     plane: str = "strain",
-) -> Model:
+) -> TissueModel:
     """Return a uniform rectangle of the element's cells, `divisions` along every side."""
     mesh = square_mesh(element, divisions, size)
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
-    return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)
+    return TissueModel(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)
 
 
 def tissue(
     mesh: SkfemMesh,
-    element: ElementRow,
+    element: ElementType,
     material: Material,
     held: Callable[[Points], Bools] | None = None,
     *,
     plane: str = "strain",
-) -> Model:
+) -> TissueModel:
     """Return a tissue of one material on any mesh, held where its outer edges' middles say.
 
     Without `held` it floats.
     """
     named = name_regions(mesh, {})
     if held is None:
-        return Model(named, element, {BACKGROUND: material}, {}, ("y", "z"), plane=plane,
+        return TissueModel(named, element, {BACKGROUND: material}, {}, ("y", "z"), plane=plane,
                      floating=True)  # fmt: skip
     outer = mesh.boundary_facets()
     chosen = outer[held(mesh.p[:, mesh.facets[:, outer]].mean(axis=1).T)]
     named = named.with_boundaries({"held": chosen})
     supports = {"held": Support(faces=("held",))}
-    return Model(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)
+    return TissueModel(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)

@@ -10,18 +10,18 @@ from needlefem.checks.element_checks import check_shape
 from needlefem.checks.material_checks import check_law
 from needlefem.checks.mesh_checks import NEARLY_INCOMPRESSIBLE
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.elements import ElementRow
-from needlefem.materials import Isotropic, Material, plane_split
+from needlefem.elements import ElementType
+from needlefem.materials import Isotropic, Material, plane_volumetric_split
 
 
 def qualify(
-    element: ElementRow, material: Material, plane: str = "strain"
+    element: ElementType, material: Material, plane: str = "strain"
 ) -> tuple[CheckResult, ...]:
     """Run every check that applies to an element and a law in the plane.
 
     Parameters
     ----------
-    element : ElementRow
+    element : ElementType
         On triangles or quadrilaterals.
     material : Material
     plane : str
@@ -38,15 +38,15 @@ def qualify(
     return (*own, *_together(element, material, plane))
 
 
-def _together(element: ElementRow, material: Material, plane: str) -> list[CheckResult]:
-    law = plane_split(material, plane)
+def _together(element: ElementType, material: Material, plane: str) -> list[CheckResult]:
+    law = plane_volumetric_split(material, plane)
     if element.definite and law.compressibility == 0.0:
         return [outcome("incompressibility", "an incompressible law meets a mixed element", 1.0, 0)]
     mild = material
     if law.compressibility == 0.0:  # what changes its volume needs a volume that can change
         mild = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
     found = [
-        *pair.patches(element, mild, plane, plane_split(mild, plane)),
+        *pair.patches(element, mild, plane, plane_volumetric_split(mild, plane)),
         *pair.modes(element, mild, plane),
         *accuracy.convergence(element, material, plane, law),
         accuracy.no_locking(element),

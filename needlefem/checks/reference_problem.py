@@ -12,7 +12,7 @@ from pathlib import Path
 from needlefem._progress import doing
 from needlefem.checks.work_precision import Race
 from needlefem.errors import CaseError, nearest
-from needlefem.fem.boundary_value_problem import Solution
+from needlefem.fem.boundary_value_problem import StaticSolution
 
 OTHER_FOLDERS = ("support", "studies", "benchmarks")
 """Subfolders of a folder of problems in which no problems are."""
@@ -103,13 +103,13 @@ class Shape:
     Parameters
     ----------
     title : str
-    solution : Solution
+    solution : StaticSolution
     magnified : float
         Factor on the displacement.
     """
 
     title: str
-    solution: Solution
+    solution: StaticSolution
     magnified: float = 1.0
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.elements import CATALOGUE, ElementType
 from needlefem.scene.resolve import cheapest
 
 ELEMENTS, INTEGRATORS = "elements", "integrators"
@@ -72,7 +72,7 @@ def elements_race(
     title: str,
     quantity: str,
     ratio: float,
-    solve: Callable[[ElementRow, int], Any],
+    solve: Callable[[ElementType, int], Any],
     measure: Callable[[Any], tuple[int, float]],
     levels: Sequence[int],
     target: float = 1e-3,

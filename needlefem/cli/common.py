@@ -103,7 +103,7 @@ def release_lines(plan: "Plan") -> list[str]:
         note = f" ({release.note})" if release.note else ""
         found.append(
             f"  {name:11s} {centimetres(release.release_point)}, "
-            f"depth {100 * float(axis.along(release.release_point)):.3f} cm -> "
+            f"depth {100 * float(axis.axial_coordinate(release.release_point)):.3f} cm -> "
             f"{centimetres(release.placed_at)}"
             f"{'' if release is plan.best and not note else error}{note}"
         )

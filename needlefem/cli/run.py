@@ -24,9 +24,9 @@ from needlefem.insertion.discretised import Discretised, discretised
 from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Path as CutPath
-from needlefem.insertion.trajectory import Reach
-from needlefem.insertion.validity import Validity, validity
+from needlefem.insertion.trajectory import TipPoint
+from needlefem.insertion.trajectory import TipTrajectory as CutPath
+from needlefem.insertion.validity import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
 from needlefem.io.files import write_json
 from needlefem.io.histories import History, recorded
@@ -151,11 +151,11 @@ def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
     if insertion.scene.motion.stages or insertion.scene.motion.times:
         return []
     reach = CutPath(insertion).at_depth(min(last.depth, insertion.scene.motion.max_depth))
-    return [seed_record(insertion, reach or Reach(last.depth, last.tip))]
+    return [seed_record(insertion, reach or TipPoint(last.depth, last.tip))]
 
 
 def _summary(record: dict[str, Any], title: str) -> None:
-    strains = Validity(**record["validity"])
+    strains = StrainCheck(**record["validity"])
     say(f"{title}: {record['status']}, {record['sentence']}; {strains.headline}")
     say(f"  entry at {centimetres(record['entry'])}; depths count from there along the needle")
     if record["puncture_depth"] is not None:

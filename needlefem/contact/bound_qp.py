@@ -67,7 +67,9 @@ class _Problem:
         return z
 
 
-def minimise(matrix: Floats, linear: Floats, low: Floats, high: Floats, start: Floats) -> Floats:
+def solve_bound_qp(
+    matrix: Floats, linear: Floats, low: Floats, high: Floats, start: Floats
+) -> Floats:
     """Return the minimiser of ``z.matrix z / 2 - linear.z`` within bounds.
 
     Parameters

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from needlefem._arrays import Floats, Ints, enlarged
-from needlefem.contact.functionals import Piece, Sliding, Trial
-from needlefem.fem.compliance import Responses
-from needlefem.fem.interpolation import Weights
+from needlefem.contact.functionals import AxialCompliance, ContactSegment, ContactTrial
+from needlefem.fem.compliance import ComplianceOperator
+from needlefem.fem.interpolation import LinearFunctionals
 
 
-class Contact:
+class CondensedContact:
     """The path's pieces and their responses; grows as the needle advances.
 
     A needle drawn back lies in the first `covered` pieces of its path; what belongs to these is
@@ -23,7 +23,7 @@ class Contact:
 
     Parameters
     ----------
-    responses : Responses
+    responses : ComplianceOperator
         Of the step's operator.
     frame : array, shape (dim, dim)
         Rows: needle direction, lateral directions.
@@ -39,11 +39,11 @@ class Contact:
     """
 
     def __init__(
-        self, responses: Responses, frame: Floats, background: Floats | None = None
+        self, responses: ComplianceOperator, frame: Floats, background: Floats | None = None
     ) -> None:
         self.responses, self.frame = responses, frame
         self.dim = len(frame)
-        self.pieces: list[Piece] = []
+        self.pieces: list[ContactSegment] = []
         self.covered = 0
         self.axial: Floats = np.zeros(0)
         self.background = background
@@ -72,7 +72,7 @@ class Contact:
             self._asked, self._near = rows, self._columns[rows, : self._size]
         return self._near
 
-    def try_functionals(self, weights: Weights) -> Trial:
+    def trial(self, weights: LinearFunctionals) -> ContactTrial:
         """Return the tissue's response at functionals, given the path so far."""
         rows = self.responses.rows(weights.nodes)
         self._follow_growth()
@@ -87,7 +87,9 @@ class Contact:
         half = self._forward(coupling[:, self._laterals].T)
         compliance = bare - half.T @ half
         displacement = displacement + half.T @ self._reduced
-        return Trial(weights, loads, rows, response, bare, coupling, half, compliance, displacement)
+        return ContactTrial(
+            weights, loads, rows, response, bare, coupling, half, compliance, displacement
+        )
 
     def _forward(self, rhs: Floats) -> Floats:
         """Return ``L^-1 rhs``."""
@@ -108,7 +110,9 @@ class Contact:
                 self._columns[self._known_rows : size, columns] = new
             self._known_rows = size
 
-    def field_at(self, nodes: Ints, path: Floats, trial: Trial | None, forces: Floats) -> Floats:
+    def field_at(
+        self, nodes: Ints, path: Floats, trial: ContactTrial | None, forces: Floats
+    ) -> Floats:
         """Return the displacement of nodes under forces, shape (len(nodes), dim), m.
 
         Parameters
@@ -116,7 +120,7 @@ class Contact:
         nodes : array, shape (k,)
         path : array, shape (n,)
             Forces on the first pieces, needle's frame, piece-major.
-        trial : Trial, optional
+        trial : ContactTrial, optional
             Functionals on which there are forces as well.
         forces : array, shape (rows,)
             Forces on them.
@@ -128,14 +132,14 @@ class Contact:
             moved = moved + trial.response.at(rows) @ forces
         return moved.reshape(-1, self.dim)
 
-    def adopt(
-        self, trial: Trial, which: int, axial: float, offset: Floats, compliance: float
+    def append_segment(
+        self, trial: ContactTrial, which: int, axial: float, offset: Floats, compliance: float
     ) -> None:
         """Make a tried functional a piece of the path, all of which is covered.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ContactTrial
             Tried against the path as it is.
         which : int
             Number of the functional in the trial.
@@ -166,24 +170,24 @@ class Contact:
         self._cholesky[rows, rows] = np.sqrt(hold) if dim == 2 else np.linalg.cholesky(hold)
         row = trial.weights.rows[which]
         used = np.flatnonzero(row)
-        self.pieces.append(Piece(trial.weights.nodes[used], row[used], offset, compliance))
+        self.pieces.append(ContactSegment(trial.weights.nodes[used], row[used], offset, compliance))
         self._offsets = np.concatenate([self._offsets, offset])
         self.axial = np.concatenate([self.axial, [axial]])
         self.covered = number + 1
-        self.balance()
+        self.eliminate_lateral()
 
-    def cover(self, count: int) -> None:
+    def set_active(self, count: int) -> None:
         """Let the needle lie in the first `count` pieces."""
         self.covered = count
-        self.balance()
+        self.eliminate_lateral()
 
-    def load(self, axial: Floats) -> None:
+    def set_friction(self, axial: Floats) -> None:
         """Let the needle lie in as many pieces as there are friction forces on them."""
         self.axial = np.zeros(len(self.pieces))
         self.axial[: len(axial)] = axial
-        self.cover(len(axial))
+        self.set_active(len(axial))
 
-    def balance(self) -> None:
+    def eliminate_lateral(self) -> None:
         """Prepare the elimination of lateral forces for the present friction and background."""
         self._reduced = np.zeros(0)
         if self.covered:
@@ -201,7 +205,7 @@ class Contact:
         found: Floats = gap + self._background()[self._laterals]
         return found
 
-    def sliding(self) -> Sliding:
+    def sliding(self) -> AxialCompliance:
         """Return how the covered pieces move along the needle when nothing is said of friction."""
         axials = np.arange(0, self._size, self.dim)
         half, held = np.zeros((0, len(axials))), np.zeros(0)
@@ -210,7 +214,7 @@ class Contact:
             held = self._forward(-self._gap())
         compliance = self._w[np.ix_(axials, axials)] - half.T @ half
         displacement = self._background()[axials] + half.T @ held
-        return Sliding(compliance, displacement, half, held)
+        return AxialCompliance(compliance, displacement, half, held)
 
     @property
     def _size(self) -> int:
@@ -226,12 +230,12 @@ class Contact:
         rows: Floats = (means @ self.frame.T).ravel()
         return rows
 
-    def lateral_forces(self, trial: Trial, forces: Floats) -> Floats:
+    def lateral_forces(self, trial: ContactTrial, forces: Floats) -> Floats:
         """Return the path's lateral forces, shape (npieces, dim - 1), N (N/m in 2D).
 
         Parameters
         ----------
-        trial : Trial
+        trial : ContactTrial
             Tried against the path as it is.
         forces : array, shape (rows,)
             Forces on the trial's functionals.
@@ -242,14 +246,14 @@ class Contact:
         solved, _ = dtrtrs(self._factor, rhs, lower=1, trans=1)
         return np.asarray(solved).reshape(-1, self.dim - 1)
 
-    def displacements(self, laterals: Floats, trial: Trial, forces: Floats) -> Floats:
+    def displacements(self, laterals: Floats, trial: ContactTrial, forces: Floats) -> Floats:
         """Return mean displacements of the pieces, then of the functionals tried.
 
         Parameters
         ----------
         laterals : array, shape (npieces, dim - 1)
             Lateral forces on the pieces, as `lateral_forces` gives them.
-        trial : Trial
+        trial : ContactTrial
             Tried against the path as it is.
         forces : array, shape (rows,)
             Forces on the trial's functionals.

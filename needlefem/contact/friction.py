@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Bools, Floats
-from needlefem.contact.bound_qp import UNTOLD, minimise
+from needlefem.contact.bound_qp import UNTOLD, solve_bound_qp
 from needlefem.errors import SimulationError
 
 MOST_WEAKENINGS = 500
@@ -18,7 +18,7 @@ STUCK = 1e-13
 
 
 @dataclasses.dataclass(frozen=True)
-class Friction:
+class SlipWeakeningFriction:
     """Friction limit over slip: static for what sticks, kinetic after some slip.
 
     Parameters
@@ -78,12 +78,12 @@ def refuse_noise(compliance: Floats, slack: Floats) -> None:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Rub:
+class FrictionStep:
     """What is known of the pieces' friction when a step is solved.
 
     Parameters
     ----------
-    friction : Friction
+    friction : SlipWeakeningFriction
     kinetic : array, shape (n,), N (N/m in 2D)
         Limits when slipping.
     slipped : array, shape (n,), m
@@ -97,7 +97,7 @@ class Rub:
         By how much a piece that had another velocity stays behind its travel when it sticks.
     """
 
-    friction: Friction
+    friction: SlipWeakeningFriction
     kinetic: Floats
     slipped: Floats
     travel: Floats
@@ -150,7 +150,7 @@ class Rub:
         limits = self._limits(slip)
         for _ in range(MOST_WEAKENINGS):
             bottom[:count], top[:count] = -limits[1], limits[0]
-            forces = minimise(matrix, travel - free, bottom, top, forces)
+            forces = solve_bound_qp(matrix, travel - free, bottom, top, forces)
             apart = travel - free - matrix @ forces
             inside = (forces > bottom) & (forces < top)
             still = inside[:count] | (np.abs(apart[:count]) <= STUCK)

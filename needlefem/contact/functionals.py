@@ -3,11 +3,11 @@
 from typing import NamedTuple
 
 from needlefem._arrays import Floats, Ints
-from needlefem.fem.compliance import Response
-from needlefem.fem.interpolation import Weights
+from needlefem.fem.compliance import ComplianceColumns
+from needlefem.fem.interpolation import LinearFunctionals
 
 
-class Piece(NamedTuple):
+class ContactSegment(NamedTuple):
     """A functional of the displacement that belongs to the needle.
 
     Parameters
@@ -27,20 +27,20 @@ class Piece(NamedTuple):
     compliance: float
 
 
-class Trial(NamedTuple):
+class ContactTrial(NamedTuple):
     """Functionals tried beside the path, and the tissue's response to loads on them.
 
     Rows are functional-major: for each functional the axial, then the lateral components.
 
     Parameters
     ----------
-    weights : Weights
+    weights : LinearFunctionals
         The functionals.
     loads : array, shape (rows, n)
         Loads on touched dofs for unit forces on the functionals.
     rows : array, shape (n,)
         Rows that these dofs have among the responses.
-    response : Response
+    response : ComplianceColumns
         Displacement for these loads.
     bare : array, shape (rows, rows), m/N
         Response to unit forces with the path's lateral forces unchanged.
@@ -54,10 +54,10 @@ class Trial(NamedTuple):
         Displacement without any force on the functionals tried.
     """
 
-    weights: Weights
+    weights: LinearFunctionals
     loads: Floats
     rows: Ints
-    response: Response
+    response: ComplianceColumns
     bare: Floats
     coupling: Floats
     half: Floats
@@ -65,7 +65,7 @@ class Trial(NamedTuple):
     displacement: Floats
 
 
-class Sliding(NamedTuple):
+class AxialCompliance(NamedTuple):
     """Axial displacement of the covered pieces when lateral forces follow.
 
     Parameters

@@ -11,12 +11,12 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.functionals import Sliding, Trial
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.functionals import AxialCompliance, ContactTrial
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Shaft:
+class ShaftEquations:
     """Axial displacements as affine functions of axial forces, ``u = free + compliance z``.
 
     Rows and forces `z` are those of the covered pieces, of the piece that the tip is in, and of
@@ -24,8 +24,8 @@ class Shaft:
 
     Parameters
     ----------
-    trial : Trial
-    sliding : Sliding
+    trial : ContactTrial
+    sliding : AxialCompliance
         Of the covered pieces.
     compliance : array, shape (n, n), m/N
     free : array, shape (n,), m
@@ -35,8 +35,8 @@ class Shaft:
         Lateral displacement of the tip's kernel, in the same way.
     """
 
-    trial: Trial
-    sliding: Sliding
+    trial: ContactTrial
+    sliding: AxialCompliance
     compliance: Floats
     free: Floats
     hold: Floats
@@ -44,16 +44,21 @@ class Shaft:
 
     @classmethod
     def build(
-        cls, contact: Contact, sliding: Sliding, trial: Trial, offset: Floats, stiffness: float
-    ) -> "Shaft":
+        cls,
+        contact: CondensedContact,
+        sliding: AxialCompliance,
+        trial: ContactTrial,
+        offset: Floats,
+        stiffness: float,
+    ) -> "ShaftEquations":
         """Eliminate all lateral forces.
 
         Parameters
         ----------
-        contact : Contact
-        sliding : Sliding
+        contact : CondensedContact
+        sliding : AxialCompliance
             As `contact.sliding()` gives it now.
-        trial : Trial
+        trial : ContactTrial
             Tried against the same path.
         offset : array, shape (dim - 1,), m
             Lateral offset from the axis of the material of the tip's piece, undeformed.

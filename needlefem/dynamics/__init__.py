@@ -13,7 +13,7 @@ from needlefem.dynamics.integrators import (
     critical_step,
     integrator_class,
 )
-from needlefem.dynamics.steppers import ImplicitStepper, Motion, Stepper, at_rest
+from needlefem.dynamics.steppers import ImplicitStepper, KinematicState, Stepper, at_rest
 from needlefem.dynamics.system import MatrixSystem, System
 from needlefem.dynamics.tissue_system import TissueSystem
 
@@ -26,8 +26,8 @@ __all__ = [
     "GeneralizedAlpha",
     "ImplicitStepper",
     "Integrator",
+    "KinematicState",
     "MatrixSystem",
-    "Motion",
     "Newmark",
     "QuasiStatic",
     "Stepper",

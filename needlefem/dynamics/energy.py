@@ -3,8 +3,8 @@
 import dataclasses
 
 from needlefem._arrays import Floats
-from needlefem.dynamics.memory import Memory
-from needlefem.dynamics.steppers import Motion, StaticStepper, Stepper, Weights
+from needlefem.dynamics.memory import MaxwellUpdate
+from needlefem.dynamics.steppers import AlphaParameters, KinematicState, StaticStepper, Stepper
 from needlefem.dynamics.system import System
 
 
@@ -38,17 +38,23 @@ class EnergyLedger:
     algorithmic: float = 0.0
 
     def __post_init__(self) -> None:
-        self._memory = Memory(self.stepper.system.branches, self.stepper.step)
-        self._weights: Weights | None = getattr(self.stepper, "weights", None)
+        self._memory = MaxwellUpdate(self.stepper.system.branches, self.stepper.step)
+        self._weights: AlphaParameters | None = getattr(self.stepper, "weights", None)
 
     def add(
-        self, old: Motion, new: Motion, before: Floats, after: Floats, *, at_once: bool = False
+        self,
+        old: KinematicState,
+        new: KinematicState,
+        before: Floats,
+        after: Floats,
+        *,
+        at_once: bool = False,
     ) -> None:
         """Account for one step.
 
         Parameters
         ----------
-        old, new : Motion
+        old, new : KinematicState
             At its start and end.
         before, after : arrays, shape (n,), N
             Forces then.
@@ -71,7 +77,7 @@ class EnergyLedger:
         if self._weights is not None:
             self.algorithmic += self._algorithmic(old, new, after - before)
 
-    def _algorithmic(self, old: Motion, new: Motion, more: Floats) -> float:
+    def _algorithmic(self, old: KinematicState, new: KinematicState, more: Floats) -> float:
         """Return what the integrator takes in a step in which the force grew by `more`.
 
         The balance ``M a_m + C v_f + K u_f + sum_b K_b p_f = f_f`` holds between the step's ends,

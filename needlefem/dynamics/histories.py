@@ -5,13 +5,15 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.dynamics.steppers import Motion, Stepper
+from needlefem.dynamics.steppers import KinematicState, Stepper
 
 Load = Callable[[float], Floats]
 """Force on all unknowns at a time (s), shape (n,), N."""
 
 
-def iterate(stepper: Stepper, motion: Motion, load: Load | None, count: int) -> Iterator[Motion]:
+def iterate(
+    stepper: Stepper, motion: KinematicState, load: Load | None, count: int
+) -> Iterator[KinematicState]:
     """Yield the motion after every one of `count` steps from time 0.
 
     Without a load nothing pushes. Only the last motion is held: memory does not grow.
@@ -25,14 +27,14 @@ def iterate(stepper: Stepper, motion: Motion, load: Load | None, count: int) -> 
         yield motion
 
 
-def last(motions: Iterator[Motion]) -> Motion:
+def last(motions: Iterator[KinematicState]) -> KinematicState:
     """Return the last motion of a run."""
     for motion in motions:
         found = motion
     return found
 
 
-def record(motions: Iterator[Motion], watch: Callable[[Motion], Floats]) -> Floats:
+def record(motions: Iterator[KinematicState], watch: Callable[[KinematicState], Floats]) -> Floats:
     """Return what `watch` makes of every motion, one row a step."""
     return np.array([watch(motion) for motion in motions])
 

@@ -11,11 +11,11 @@ from typing import Protocol
 
 from needlefem import _plugin as foreign
 from needlefem.dynamics.steppers import (
+    AlphaParameters,
     ExplicitStepper,
     ImplicitStepper,
     StaticStepper,
     Stepper,
-    Weights,
 )
 from needlefem.dynamics.system import System
 from needlefem.errors import CaseError, matching, nearest, short
@@ -50,7 +50,7 @@ class Newmark:
 
     def stepper(self, system: System, step: float) -> ImplicitStepper:
         """See `Integrator`."""
-        return ImplicitStepper(system, step, Weights(0.0, 0.0, self.beta, self.gamma))
+        return ImplicitStepper(system, step, AlphaParameters(0.0, 0.0, self.beta, self.gamma))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -70,7 +70,7 @@ class HHT:
     def stepper(self, system: System, step: float) -> ImplicitStepper:
         """See `Integrator`."""
         alpha = self.alpha
-        weights = Weights(0.0, -alpha, 0.25 * (1.0 - alpha) ** 2, 0.5 - alpha)
+        weights = AlphaParameters(0.0, -alpha, 0.25 * (1.0 - alpha) ** 2, 0.5 - alpha)
         return ImplicitStepper(system, step, weights)
 
 
@@ -94,7 +94,7 @@ class GeneralizedAlpha:
         rho = self.rho_inf
         mass, force = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         beta = 0.25 * (1.0 - mass + force) ** 2
-        return ImplicitStepper(system, step, Weights(mass, force, beta, 0.5 - mass + force))
+        return ImplicitStepper(system, step, AlphaParameters(mass, force, beta, 0.5 - mass + force))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

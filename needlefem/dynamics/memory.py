@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem._arrays import Floats, Sparse
-from needlefem.materials.relaxation import decay, gain
+from needlefem.materials.relaxation import load_factor, relaxation_factor
 
 
-class Memory:
+class MaxwellUpdate:
     """Branches of a system, ready for one step.
 
     Parameters
@@ -30,8 +30,8 @@ class Memory:
 
     def __init__(self, branches: Sequence[tuple[float, Sparse]], step: float) -> None:
         self._stiffness = [stiffness for _, stiffness in branches]
-        self._decays = [decay(step, time) for time, _ in branches]
-        self.gains = [gain(step, time) for time, _ in branches]
+        self._decays = [relaxation_factor(step, time) for time, _ in branches]
+        self.gains = [load_factor(step, time) for time, _ in branches]
 
     def __bool__(self) -> bool:
         """Whether there is anything to remember."""

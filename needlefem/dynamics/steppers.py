@@ -6,13 +6,13 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.dynamics.memory import Memory
+from needlefem.dynamics.memory import MaxwellUpdate
 from needlefem.dynamics.system import System
 from needlefem.fem.factorization import Factor
 
 
 @dataclasses.dataclass(eq=False)
-class Motion:
+class KinematicState:
     """Displacement, velocity and acceleration of all unknowns; each of shape (n,).
 
     `parts` are the displacements of the springs in viscoelastic branches, shape (branches, n).
@@ -30,17 +30,19 @@ class Stepper(Protocol):
     system: System
     step: float
 
-    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
+    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
         """Return the motion that starts from displacement and velocity under a force."""
         ...
 
-    def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:
+    def advance_under(
+        self, motion: KinematicState, before: Floats, after: Floats
+    ) -> KinematicState:
         """Return the motion a step later; forces at the step's start and end, shape (n,), N."""
         ...
 
 
 @dataclasses.dataclass(frozen=True)
-class Weights:
+class AlphaParameters:
     """Parameters of the generalised-alpha family (J. Chung, G. M. Hulbert 1993).
 
     Balance is asked for at ``1 - mass`` (inertia) and ``1 - force`` (all else) of the step.
@@ -52,22 +54,24 @@ class Weights:
     gamma: float
 
 
-def at_rest(system: System) -> Motion:
+def at_rest(system: System) -> KinematicState:
     """Return the undeformed system at rest."""
     zero = np.zeros(system.size)
-    return Motion(zero, zero.copy(), zero.copy(), _relaxed(system))
+    return KinematicState(zero, zero.copy(), zero.copy(), _relaxed(system))
 
 
 def _relaxed(system: System) -> Floats:
     return np.zeros((len(system.branches), system.size))
 
 
-def _start(system: System, u: Floats, v: Floats, force: Floats | None) -> Motion:
+def _start(system: System, u: Floats, v: Floats, force: Floats | None) -> KinematicState:
     """Return the motion whose acceleration balances the forces; branches are relaxed."""
     rest = -system.products(None, v if system.damped else None, u)
     if force is not None:
         rest += force
-    return Motion(u.copy(), v.copy(), system.factor(1.0, 0.0, 0.0).solve(rest), _relaxed(system))
+    return KinematicState(
+        u.copy(), v.copy(), system.factor(1.0, 0.0, 0.0).solve(rest), _relaxed(system)
+    )
 
 
 class ImplicitStepper:
@@ -78,11 +82,11 @@ class ImplicitStepper:
     ``(1 - m) M / (beta dt^2) + (1 - f) (gamma C / (beta dt) + K)``.
     """
 
-    def __init__(self, system: System, step: float, weights: Weights) -> None:
+    def __init__(self, system: System, step: float, weights: AlphaParameters) -> None:
         self.system, self.step, self.weights = system, step, weights
         kept, inertia = 1.0 - weights.force, 1.0 / (weights.beta * step**2)
         drag = weights.gamma * step * inertia
-        self._memory = Memory(system.branches, step)
+        self._memory = MaxwellUpdate(system.branches, step)
         self.factor: Factor = system.factor(
             (1.0 - weights.mass) * inertia,
             kept * drag,
@@ -104,15 +108,15 @@ class ImplicitStepper:
         """Return what u, v and a add to the displacement without new acceleration."""
         return np.array([1.0, self.step, self.step**2 * (0.5 - self.weights.beta)])
 
-    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
+    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
         """See `Stepper`."""
         return _start(self.system, u, v, force)
 
-    def at_rest(self) -> Motion:
+    def at_rest(self) -> KinematicState:
         """Return the undeformed system at rest."""
         return at_rest(self.system)
 
-    def free_motion(self, motion: Motion, force: Floats | None = None) -> Floats:
+    def free_motion(self, motion: KinematicState, force: Floats | None = None) -> Floats:
         """Return the displacement after a step under a force alone, shape (n,), m.
 
         `force` is that at ``1 - weights.force`` of the step.
@@ -124,14 +128,16 @@ class ImplicitStepper:
             rhs += force
         return self.factor.solve(rhs)
 
-    def advance(self, motion: Motion, u: Floats) -> Motion:
+    def advance(self, motion: KinematicState, u: Floats) -> KinematicState:
         """Return the motion after a step that ends at a displacement."""
         change = u - motion.u
         v, a = self._new @ np.array([change, motion.v, motion.a])
         parts = self._memory.advance(motion.parts, change) if self._memory else motion.parts
-        return Motion(u, v, a, parts)
+        return KinematicState(u, v, a, parts)
 
-    def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:
+    def advance_under(
+        self, motion: KinematicState, before: Floats, after: Floats
+    ) -> KinematicState:
         """See `Stepper`."""
         share = self.weights.force
         force = after if share == 0.0 else (1.0 - share) * after + share * before
@@ -146,18 +152,20 @@ class ExplicitStepper:
     ``M + dt C / 2``).
     """
 
-    weights = Weights(0.0, 0.0, 0.0, 0.5)
+    weights = AlphaParameters(0.0, 0.0, 0.0, 0.5)
 
     def __init__(self, system: System, step: float) -> None:
         self.system, self.step = system, step
-        self._memory = Memory(system.branches, step)
+        self._memory = MaxwellUpdate(system.branches, step)
         self.factor: Factor = system.factor(1.0, 0.5 * step if system.damped else 0.0, 0.0)
 
-    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
+    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
         """See `Stepper`."""
         return _start(self.system, u, v, force)
 
-    def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:
+    def advance_under(
+        self, motion: KinematicState, before: Floats, after: Floats
+    ) -> KinematicState:
         """See `Stepper`."""
         del before  # balance is asked for at the step's end
         dt = self.step
@@ -170,42 +178,44 @@ class ExplicitStepper:
             parts = self._memory.advance(parts, moved)
             rest -= self._memory.force(parts)
         a = self.factor.solve(rest)
-        return Motion(u, half + 0.5 * dt * a, a, parts)
+        return KinematicState(u, half + 0.5 * dt * a, a, parts)
 
 
 class StaticStepper:
     """Equilibrium after every step; velocity is the difference; see `Stepper`."""
 
-    weights = Weights(0.0, 0.0, 0.0, 1.0)
+    weights = AlphaParameters(0.0, 0.0, 0.0, 1.0)
 
     def __init__(self, system: System, step: float) -> None:
         self.system, self.step = system, step
-        self._memory = Memory(system.branches, step)
+        self._memory = MaxwellUpdate(system.branches, step)
         self.factor: Factor = system.factor(0.0, 0.0, 1.0, self._memory.gains)
 
-    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> Motion:
+    def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
         """See `Stepper`; a force, if given, comes at once, and with it a displacement."""
         found, parts = u.copy(), _relaxed(self.system)
         if force is not None:
             shares = [1.0] * len(self.system.branches)
             found = self.system.factor(0.0, 0.0, 1.0, shares).solve(force)
             parts += found
-        return Motion(found, v.copy(), np.zeros_like(v), parts)
+        return KinematicState(found, v.copy(), np.zeros_like(v), parts)
 
-    def free_motion(self, motion: Motion, force: Floats | None = None) -> Floats:
+    def free_motion(self, motion: KinematicState, force: Floats | None = None) -> Floats:
         """Return the displacement after a step under a force at its end, shape (n,), m."""
         rhs = np.zeros_like(motion.u) if force is None else force.copy()
         if self._memory:
             rhs -= self._memory.carried(motion.parts, motion.u)
         return self.factor.solve(rhs)
 
-    def advance(self, motion: Motion, u: Floats) -> Motion:
+    def advance(self, motion: KinematicState, u: Floats) -> KinematicState:
         """Return the motion after a step that ends at a displacement."""
         moved = u - motion.u
         parts = self._memory.advance(motion.parts, moved) if self._memory else motion.parts
-        return Motion(u, moved / self.step, np.zeros_like(u), parts)
+        return KinematicState(u, moved / self.step, np.zeros_like(u), parts)
 
-    def advance_under(self, motion: Motion, before: Floats, after: Floats) -> Motion:
+    def advance_under(
+        self, motion: KinematicState, before: Floats, after: Floats
+    ) -> KinematicState:
         """See `Stepper`."""
         del before
         return self.advance(motion, self.free_motion(motion, after))

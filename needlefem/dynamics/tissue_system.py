@@ -12,7 +12,7 @@ from needlefem.dynamics.system import Operator, joined, largest, weighted
 from needlefem.errors import CaseError
 from needlefem.fem.factorization import Factor, factorise
 from needlefem.fem.forms import Field
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 
 class TissueSystem:
@@ -20,7 +20,7 @@ class TissueSystem:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     damping : Damping
     lumping : str, optional
         A lumping that the element admits; consistent mass when left out.
@@ -32,7 +32,7 @@ class TissueSystem:
     """
 
     def __init__(
-        self, model: Model, damping: Damping | None = None, lumping: str | None = None
+        self, model: TissueModel, damping: Damping | None = None, lumping: str | None = None
     ) -> None:
         if model.density.min() <= 0.0:
             remedy = "give every material a density, or simulate quasi-statically"

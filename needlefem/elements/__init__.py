@@ -1,6 +1,6 @@
 """Elements; scikit-fem is met here and in `fem` only."""
 
 from needlefem.elements.catalogue import CATALOGUE, element_row
-from needlefem.elements.element_type import MEAN, PLAIN, PRESSURE, ElementRow
+from needlefem.elements.element_type import BBAR, DISPLACEMENT, MIXED, ElementType
 
-__all__ = ["CATALOGUE", "MEAN", "PLAIN", "PRESSURE", "ElementRow", "element_row"]
+__all__ = ["BBAR", "CATALOGUE", "DISPLACEMENT", "MIXED", "ElementType", "element_row"]

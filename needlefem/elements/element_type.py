@@ -8,11 +8,11 @@ from needlefem._arrays import Floats
 from needlefem.elements.quadrature import Rule
 from needlefem.errors import CaseError
 
-PLAIN, MEAN, PRESSURE = "plain", "mean", "pressure"
+DISPLACEMENT, BBAR, MIXED = "plain", "mean", "pressure"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ElementRow:
+class ElementType:
     """One row of the catalogue.
 
     Parameters
@@ -52,22 +52,22 @@ class ElementRow:
     lumpings: tuple[str, ...]
     poissons_ratio_limit: float
     stress_limit: float = 0.49
-    volume: str = PLAIN
+    volume: str = DISPLACEMENT
     volume_rule: Rule | None = None
     pressure: Callable[[], Any] | None = None
 
     def __post_init__(self) -> None:
-        if (self.volume == MEAN) != (self.volume_rule is not None):
+        if (self.volume == BBAR) != (self.volume_rule is not None):
             remedy = "give it with volume='mean', and only then"
             raise CaseError(f"element {self.name}", "volume_rule and volume disagree", remedy)
-        if (self.volume == PRESSURE) != (self.pressure is not None):
+        if (self.volume == MIXED) != (self.pressure is not None):
             remedy = "give it with volume='pressure', and only then"
             raise CaseError(f"element {self.name}", "pressure and volume disagree", remedy)
 
     @property
     def definite(self) -> bool:
         """Whether its matrices are positive definite; those of mixed elements are not."""
-        return self.volume != PRESSURE
+        return self.volume != MIXED
 
     @property
     def nodes(self) -> Floats:

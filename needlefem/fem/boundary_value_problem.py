@@ -6,25 +6,25 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.fem import forms as assembly
 from needlefem.fem.forms import Field
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
 from needlefem.fem.stress import stresses
-from needlefem.materials import Material, plane_split, split
+from needlefem.materials import Material, plane_volumetric_split, volumetric_split
 
 Where = Callable[[Points], Bools] | None
 """Says which outer facets, by their middles, shape (n, dim); all when None."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Solution:
+class StaticSolution:
     """Displacement of a tissue in equilibrium.
 
     Parameters
     ----------
-    space : Space
+    space : FunctionSpace
     stiffness : Stiffness
     u : array, shape (ndofs,), m
     pressure : array, shape (npressures,), Pa
@@ -33,7 +33,7 @@ class Solution:
         Unknowns that were solved for, the pressure's among them.
     """
 
-    space: Space
+    space: FunctionSpace
     stiffness: Stiffness
     u: Floats
     pressure: Floats
@@ -93,37 +93,39 @@ class Solution:
         return found
 
 
-class Statics:
+class BoundaryValueProblem:
     """Equilibrium of a tissue, put together piece by piece.
 
     Parameters
     ----------
     mesh : skfem.Mesh
         With a subdomain for every name in `materials`, if they are several.
-    element : ElementRow
+    element : ElementType
     materials : Material or mapping of names to them
     plane : str
         Plane 'strain' or 'stress'.
-    space : Space, optional
+    space : FunctionSpace, optional
         The element on the mesh, when it is there already.
     """
 
     def __init__(
         self,
         mesh: SkfemMesh,
-        element: ElementRow,
+        element: ElementType,
         materials: Material | Mapping[str, Material],
         plane: str = "strain",
-        space: Space | None = None,
+        space: FunctionSpace | None = None,
     ) -> None:
-        self.space = Space(mesh, element) if space is None else space
+        self.space = FunctionSpace(mesh, element) if space is None else space
         several = materials if isinstance(materials, Mapping) else {"": materials}
         owner = np.zeros(mesh.nelements, dtype=np.intp)
         if isinstance(materials, Mapping):
             for number, name in enumerate(materials):
                 owner[mesh.subdomains[name]] = number
         splits = [
-            split(material) if mesh.dim() == 3 else plane_split(material, plane)
+            volumetric_split(material)
+            if mesh.dim() == 3
+            else plane_volumetric_split(material, plane)
             for material in several.values()
         ]
         self.stiffness = Stiffness(self.space, splits, owner)
@@ -138,9 +140,9 @@ class Statics:
             return outer
         return outer[where(mesh.p[:, mesh.facets[:, outer]].mean(axis=1).T)]
 
-    def hold(
+    def fix(
         self, where: Where = None, field: Field | None = None, axes: Sequence[int] | None = None
-    ) -> "Statics":
+    ) -> "BoundaryValueProblem":
         """Prescribe the displacement (zero without a field), of some axes, on facets."""
         dofs = self.space.dofs_on(self.facets(where), axes)
         nodal = np.zeros((self.space.nnodes, self.space.dim))
@@ -149,14 +151,16 @@ class Statics:
         self._held[dofs] = self.space.dof_vector(nodal)[dofs]
         return self
 
-    def pin(self, node: int, value: Sequence[float | None]) -> "Statics":
+    def fix_node(self, node: int, value: Sequence[float | None]) -> "BoundaryValueProblem":
         """Prescribe components (None leaves one free) of the displacement of a node."""
         for axis, number in enumerate(value):
             if number is not None:
                 self._held[self.space.node_dofs[node, axis]] = number
         return self
 
-    def push(self, traction: Callable[[Points, Points], Floats], where: Where = None) -> "Statics":
+    def apply_traction(
+        self, traction: Callable[[Points, Points], Floats], where: Where = None
+    ) -> "BoundaryValueProblem":
         """Apply a traction, a function of points and outward normals, on facets."""
         space = self.space
         self._load += assembly.traction_load(
@@ -164,15 +168,15 @@ class Statics:
         )
         return self
 
-    def body(self, force: Field, order: int = 8) -> "Statics":
+    def apply_body_force(self, force: Field, order: int = 8) -> "BoundaryValueProblem":
         """Apply a force per volume."""
         basis = assembly.fine_basis(self.space.mesh, self.space.element, order)
         self._load += assembly.body_load(basis, force)
         return self
 
-    def solve(self) -> Solution:
+    def solve(self) -> StaticSolution:
         """Return the equilibrium."""
         free = np.flatnonzero(np.isnan(self._held))
         held = np.nan_to_num(self._held)
         u, pressure = self.stiffness.solve(free, self._load, held)
-        return Solution(self.space, self.stiffness, u, pressure, len(free) + len(pressure))
+        return StaticSolution(self.space, self.stiffness, u, pressure, len(free) + len(pressure))

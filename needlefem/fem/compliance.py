@@ -10,16 +10,16 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
-from needlefem.fem.condensation import Columns, Corridor, WholeColumns
+from needlefem.fem.condensation import Corridor, InverseColumns, InverseColumnsOnDemand
 from needlefem.fem.factorization import Factor
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 ALL = slice(None)
 AHEAD = 2.0
 """Way ahead of a needle that is solved for at once, over its corridor's half-width."""
 
 
-class Response(Protocol):
+class ComplianceColumns(Protocol):
     """Displacement for some loads."""
 
     def at(self, rows: Ints) -> Floats:
@@ -31,7 +31,7 @@ class Response(Protocol):
         ...
 
 
-class Responses(Protocol):
+class ComplianceOperator(Protocol):
     """Responses of one operator A, shared by all insertions on it.
 
     Attributes
@@ -54,7 +54,7 @@ class Responses(Protocol):
         """Return the rows of nodes, node-major, shape (len(nodes) dim,)."""
         ...
 
-    def respond(self, rows: Ints, loads: Floats) -> Response:
+    def respond(self, rows: Ints, loads: Floats) -> ComplianceColumns:
         """Return the response to loads, shape (nloads, len(rows)), on these rows."""
         ...
 
@@ -62,7 +62,7 @@ class Responses(Protocol):
 class _Equations:
     """The equation (row of A) of every node's dofs; -1 where held."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: TissueModel) -> None:
         equation = np.full(model.ndofs, -1)
         equation[model.free_dofs] = np.arange(len(model.free_dofs))
         self._table: Ints = equation[model.node_dofs]
@@ -72,16 +72,16 @@ class _Equations:
         return found
 
 
-class SharedResponses:
+class CachedCompliance:
     """The compliance between touched nodes, dense and growing.
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
         The tissue.
     factor : Factor, optional
         Factorisation of the operator A on the free dofs; that of K when left out.
-    columns : Columns, optional
+    columns : InverseColumns, optional
         Where columns of A^-1 come from, if not from the factor.
     corridor : Corridor, optional
         Where needles go: what lies ahead of them is solved for in blocks.
@@ -89,13 +89,13 @@ class SharedResponses:
 
     def __init__(
         self,
-        model: Model,
+        model: TissueModel,
         factor: Factor | None = None,
-        columns: Columns | None = None,
+        columns: InverseColumns | None = None,
         corridor: Corridor | None = None,
     ) -> None:
         if columns is None:
-            columns = WholeColumns(factor or model.factor, len(model.free_dofs))
+            columns = InverseColumnsOnDemand(factor or model.factor, len(model.free_dofs))
         self._columns, self._dim = columns, model.dim
         self._ahead = 0.0 if corridor is None else AHEAD * corridor.halfwidth
         self._places: Floats = model.nodes if corridor is None else corridor.places(model.nodes)
@@ -111,7 +111,7 @@ class SharedResponses:
 
     @property
     def solves(self) -> int:
-        """See `Responses`."""
+        """See `ComplianceOperator`."""
         return self._columns.solves
 
     @property
@@ -123,7 +123,7 @@ class SharedResponses:
         return self._store[: self.size, : self.size]
 
     def rows(self, nodes: Ints) -> Ints:
-        """See `Responses`; nodes not touched before are solved for."""
+        """See `ComplianceOperator`; nodes not touched before are solved for."""
         if nodes is not self._asked:
             slots = self._slot[nodes]
             if slots.min(initial=0) < 0:
@@ -139,9 +139,9 @@ class SharedResponses:
             self._among, self._block = rows, self.compliance[rows[:, None], rows]
         return self._block
 
-    def respond(self, rows: Ints, loads: Floats) -> Response:
-        """See `Responses`."""
-        return _SharedResponse(self, rows, loads)
+    def respond(self, rows: Ints, loads: Floats) -> ComplianceColumns:
+        """See `ComplianceOperator`."""
+        return _CachedColumns(self, rows, loads)
 
     def _foreseen(self, nodes: Ints) -> Ints:
         """Return what is new of some nodes, and of those that lie ahead of them."""
@@ -174,8 +174,8 @@ class SharedResponses:
             self._store[: len(old), : len(old)] = old
 
 
-class _SharedResponse:
-    def __init__(self, shared: SharedResponses, rows: Ints, loads: Floats) -> None:
+class _CachedColumns:
+    def __init__(self, shared: CachedCompliance, rows: Ints, loads: Floats) -> None:
         self._shared, self._rows, self._loads = shared, rows, loads
 
     def at(self, rows: Ints) -> Floats:
@@ -191,12 +191,12 @@ class _SharedResponse:
         return found.T
 
 
-class DirectResponses:
-    """One back-substitution a load, on all equations; parameters as for `SharedResponses`."""
+class DirectCompliance:
+    """One back-substitution a load, on all equations; parameters as for `CachedCompliance`."""
 
     way = "one back-substitution a load"
 
-    def __init__(self, model: Model, factor: Factor | None = None) -> None:
+    def __init__(self, model: TissueModel, factor: Factor | None = None) -> None:
         self._factor = factor if factor is not None else model.factor
         self._equations = _Equations(model)
         self.size = len(model.free_dofs) + 1  # the last row stands for all held dofs
@@ -204,24 +204,24 @@ class DirectResponses:
 
     @property
     def solves(self) -> int:
-        """See `Responses`."""
+        """See `ComplianceOperator`."""
         return self._solved
 
     def rows(self, nodes: Ints) -> Ints:
-        """See `Responses`."""
+        """See `ComplianceOperator`."""
         return self._equations.of(nodes) % self.size
 
-    def respond(self, rows: Ints, loads: Floats) -> Response:
-        """See `Responses`."""
+    def respond(self, rows: Ints, loads: Floats) -> ComplianceColumns:
+        """See `ComplianceOperator`."""
         rhs = np.zeros((self.size, len(loads)), order="F")
         rhs[rows] = loads.T
         rhs[-1] = 0.0
         rhs[:-1] = self._factor.solve(rhs[:-1])
         self._solved += len(loads)
-        return _DirectResponse(rhs)
+        return _DirectColumns(rhs)
 
 
-class _DirectResponse:
+class _DirectColumns:
     def __init__(self, field: Floats) -> None:
         self._field = field
 

@@ -16,13 +16,13 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, Vector
 from needlefem.fem.factorization import Factor, factorise
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 BLOCK = 64
 """Right-hand sides solved at once: larger blocks gain nothing and cost memory."""
 
 
-class Columns(Protocol):
+class InverseColumns(Protocol):
     """A way to columns of A^-1.
 
     Attributes
@@ -43,8 +43,8 @@ class Columns(Protocol):
         ...
 
 
-class WholeColumns:
-    """Columns from the whole factor, one back-substitution each; see `Columns`."""
+class InverseColumnsOnDemand:
+    """Columns from the whole factor, one back-substitution each; see `InverseColumns`."""
 
     way = "columns for all nodes touched"
 
@@ -54,11 +54,11 @@ class WholeColumns:
 
     @property
     def solves(self) -> int:
-        """See `Columns`."""
+        """See `InverseColumns`."""
         return self._solved
 
     def between(self, rows: Ints, columns: Ints) -> Floats:
-        """See `Columns`."""
+        """See `InverseColumns`."""
         found = np.zeros((len(rows), len(columns)))
         for start in range(0, len(columns), BLOCK):
             some = columns[start : start + BLOCK]
@@ -90,19 +90,19 @@ class Corridor(NamedTuple):
         return np.column_stack([along, points - along[:, None] * direction])
 
 
-class Condensed:
+class StaticCondensation:
     """Some equations, condensed: the rest is seen through what lies around them.
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
         With a definite element; its K is the operator.
-    whole : WholeColumns
+    whole : InverseColumnsOnDemand
     inner : array, shape (nequations,)
         Whether an equation is among them.
     """
 
-    def __init__(self, model: Model, whole: WholeColumns, inner: Bools) -> None:
+    def __init__(self, model: TissueModel, whole: InverseColumnsOnDemand, inner: Bools) -> None:
         self.inner = inner
         own = model.free_dofs[inner]
         self._place: Ints = np.cumsum(inner) - 1
@@ -118,44 +118,44 @@ class Condensed:
     def between(self, rows: Ints, columns: Ints) -> Floats:
         """Return A^-1 between inner equations, shape (len(rows), len(columns)), m/N."""
         own, others = self._place[rows], self._place[columns]
-        near = WholeColumns(self._factor, len(self._reach)).between(own, others)
+        near = InverseColumnsOnDemand(self._factor, len(self._reach)).between(own, others)
         found: Floats = near + self._beyond[own] @ self._reach[others].T
         return found
 
 
-class CorridorColumns:
+class CondensedCorridor:
     """Columns from a corridor that is condensed, and anew when a needle leaves it.
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
         With a definite element; its K is the operator.
     corridor : Corridor
     """
 
     way = "a condensed corridor"
 
-    def __init__(self, model: Model, corridor: Corridor) -> None:
+    def __init__(self, model: TissueModel, corridor: Corridor) -> None:
         self._model, self._room = model, corridor.halfwidth
-        self._whole = WholeColumns(model.factor, len(model.free_dofs))
+        self._whole = InverseColumnsOnDemand(model.factor, len(model.free_dofs))
         self._node: Ints = model.node_of[model.free_dofs]
         self._places: Floats = corridor.places(model.nodes)
         ends = corridor.places(np.array([corridor.begin, corridor.end]))
         self._low = ends.min(axis=0) - self._room
         self._high = ends.max(axis=0) + self._room
-        self._condensed: Condensed | None = None
+        self._condensed: StaticCondensation | None = None
 
     @property
     def solves(self) -> int:
-        """See `Columns`."""
+        """See `InverseColumns`."""
         return self._whole.solves
 
     def between(self, rows: Ints, columns: Ints) -> Floats:
-        """See `Columns`."""
+        """See `InverseColumns`."""
         equations = np.concatenate([rows, columns])
         if self._condensed is None or not np.all(self._condensed.inner[equations]):
             self._widen(equations)
-            self._condensed = Condensed(self._model, self._whole, self.inner())
+            self._condensed = StaticCondensation(self._model, self._whole, self.inner())
         return self._condensed.between(rows, columns)
 
     def inner(self) -> Bools:

@@ -10,7 +10,7 @@ from skfem.helpers import div, dot
 from skfem.mapping import MappingAffine, MappingIsoparametric
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.quadrature import Rule
 from needlefem.errors import CaseError
 
@@ -18,18 +18,18 @@ Field = Callable[[Points], Floats]
 """A vector field at points (n, dim), shape (n, dim)."""
 
 
-def displacement_basis(mesh: SkfemMesh, element: ElementRow, rule: Rule) -> Basis:
+def displacement_basis(mesh: SkfemMesh, element: ElementType, rule: Rule) -> Basis:
     """Return the vector-valued basis of the displacement with a quadrature rule."""
     vector = ElementVector(element.make())
     return Basis(mesh, vector, mapping=_mapping(mesh), quadrature=rule())
 
 
-def fine_basis(mesh: SkfemMesh, element: ElementRow, order: int) -> Basis:
+def fine_basis(mesh: SkfemMesh, element: ElementType, order: int) -> Basis:
     """Return the displacement's basis on a quadrature for any smooth field."""
     return Basis(mesh, ElementVector(element.make()), mapping=_mapping(mesh), intorder=order)
 
 
-def pressure_basis(mesh: SkfemMesh, element: ElementRow) -> Basis:
+def pressure_basis(mesh: SkfemMesh, element: ElementType) -> Basis:
     """Return the basis of a mixed element's pressure, on the quadrature of K."""
     if element.pressure is None:
         raise CaseError(f"element {element.name}", "has no pressure", "use a mixed element")
@@ -129,7 +129,7 @@ def mass(basis: Basis, density: Floats) -> Sparse:
     return _mass_form(density).assemble(basis)
 
 
-def lumped_mass(basis: Basis, density: Floats, scheme: str, element: ElementRow) -> Floats:
+def lumped_mass(basis: Basis, density: Floats, scheme: str, element: ElementType) -> Floats:
     """Return the diagonal of a lumped mass matrix, shape (ndofs,), kg (per metre in 2D).
 
     ``"row-sum"`` adds every row up; ``"hrz"`` scales each cell's diagonal to the cell's mass
@@ -175,7 +175,7 @@ def body_load(basis: Basis, force: Field) -> Floats:
 
 def traction_load(
     mesh: SkfemMesh,
-    element: ElementRow,
+    element: ElementType,
     facets: Ints,
     traction: Callable[[Points, Points], Floats],
     order: int = 8,

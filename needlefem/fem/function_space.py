@@ -8,7 +8,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
 from needlefem._pickling import lasting_state
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import forms as assembly
 from needlefem.fem.interpolation import Interpolation
@@ -22,14 +22,14 @@ CELLS = {
 """Cell shapes by dimension and number of corners."""
 
 
-class Space:
+class FunctionSpace:
     """Displacements of one element on one mesh.
 
     Parameters
     ----------
     mesh : skfem.Mesh
         With straight edges.
-    element : ElementRow
+    element : ElementType
 
     Raises
     ------
@@ -37,7 +37,7 @@ class Space:
         The element does not live on cells of this shape.
     """
 
-    def __init__(self, mesh: SkfemMesh, element: ElementRow) -> None:
+    def __init__(self, mesh: SkfemMesh, element: ElementType) -> None:
         shape = CELLS.get((mesh.dim(), mesh.t.shape[0]), "other cell")
         if element.cell != shape:
             remedy = f"use a mesh of {element.cell}s or another element"
@@ -100,7 +100,7 @@ class Space:
         """Evaluation of nodal fields anywhere in the tissue."""
         return Interpolation(self.mesh, self.element, self.cell_nodes)
 
-    def locate_as(self, other: "Space") -> None:
+    def locate_as(self, other: "FunctionSpace") -> None:
         """Look for points in cells as another element on the same mesh does, with its tables."""
         found = Interpolation(self.mesh, self.element, self.cell_nodes, other.interpolation.locator)
         self.interpolation = found

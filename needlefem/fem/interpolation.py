@@ -7,14 +7,14 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
 from needlefem._pickling import Lasting
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
 from needlefem.mesh.cell_location import Locator
 from needlefem.mesh.cell_map import Inverse
 from needlefem.mesh.surface import Surface
 
 
-class Weights(NamedTuple):
+class LinearFunctionals(NamedTuple):
     """Linear functionals of a nodal field: rows of weights over common nodes.
 
     Parameters
@@ -45,7 +45,7 @@ class Interpolation(Lasting):
     ----------
     mesh : skfem.Mesh
         With straight edges.
-    element : ElementRow
+    element : ElementType
         Element of the field.
     cell_nodes : array, shape (ncells, nodes a cell)
         Node numbers of every cell, in the element's local order.
@@ -56,7 +56,7 @@ class Interpolation(Lasting):
     def __init__(
         self,
         mesh: SkfemMesh,
-        element: ElementRow,
+        element: ElementType,
         cell_nodes: Ints,
         locator: Locator | None = None,
     ) -> None:
@@ -70,7 +70,7 @@ class Interpolation(Lasting):
         """The surface of the tissue in which the field is."""
         return Surface(self._mesh, self.locator.inside)
 
-    def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> Weights:
+    def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> LinearFunctionals:
         """Return weighted means of a field over points, as functionals.
 
         Points outside the tissue are left out and the rest renormalised.
@@ -98,7 +98,7 @@ class Interpolation(Lasting):
             raise OutsideError
         values = self.shape(reference) * (weights / total[row])[:, None]
         nodes, _, slot = self.slots(cells, row)
-        return Weights(nodes, gathered(slot, values, (nrows, len(nodes))))
+        return LinearFunctionals(nodes, gathered(slot, values, (nrows, len(nodes))))
 
     def nodes_of(self, cells: Ints) -> Ints:
         """Return the nodes of cells, shape (n, nodes a cell)."""
@@ -130,7 +130,7 @@ class Interpolation(Lasting):
         place[nodes] = np.arange(len(nodes))
         return nodes, place, (row[:, None] * len(nodes) + place[own]).ravel()
 
-    def at(self, points: Points) -> Weights:
+    def at(self, points: Points) -> LinearFunctionals:
         """Return the functionals 'value at each point'; see `means`."""
         n = len(points)
         return self.means(points, np.ones(n), np.arange(n), n)
@@ -158,7 +158,7 @@ class Follower:
         self._slot: Ints
         self._inverse: Inverse
 
-    def means(self, points: Points, weights: Floats) -> Weights:
+    def means(self, points: Points, weights: Floats) -> LinearFunctionals:
         """Return weighted means of a field; the same `nodes` object while all cells are the same.
 
         Parameters
@@ -176,7 +176,9 @@ class Follower:
         if local is None:
             return self._interpolation.means(points, weights, self._row, self._nrows)
         values = self._interpolation.shape(local) * weights[:, None]
-        return Weights(self._nodes, gathered(self._slot, values, (self._nrows, len(self._nodes))))
+        return LinearFunctionals(
+            self._nodes, gathered(self._slot, values, (self._nrows, len(self._nodes)))
+        )
 
     def _follow(self, points: Points) -> Points | None:
         """Return the points in their reference cells; None: some are outside the tissue."""

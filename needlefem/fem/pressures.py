@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import block_array, vstack
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
 from needlefem.fem import forms as assembly
 
@@ -21,13 +21,13 @@ class Pressures:
     Parameters
     ----------
     mesh : skfem.Mesh
-    element : ElementRow
+    element : ElementType
         A mixed one.
     owner : array, shape (ncells,)
         The law of every cell.
     """
 
-    def __init__(self, mesh: SkfemMesh, element: ElementRow, owner: Ints) -> None:
+    def __init__(self, mesh: SkfemMesh, element: ElementType, owner: Ints) -> None:
         self._element = element
         self._basis = assembly.pressure_basis(mesh, element)
         self._parts = [np.flatnonzero(owner == number) for number in range(int(owner.max()) + 1)]

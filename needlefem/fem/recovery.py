@@ -3,31 +3,31 @@
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.elements import PRESSURE
+from needlefem.elements import MIXED
 from needlefem.errors import CaseError
 from needlefem.fem import forms as assembly
 from needlefem.fem.stress import stresses
-from needlefem.fem.tissue_model import Model
-from needlefem.materials import split
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.materials import volumetric_split
 from needlefem.materials.voigt import IN_PLANE
 
 
-def middle(model: Model) -> Floats:
+def middle(model: TissueModel) -> Floats:
     """Return the middle of the reference cell, shape (1, dim)."""
     corners = model.mesh.elem().refdom.p
     centre: Floats = np.asarray(corners, dtype=float).mean(axis=1)[None]
     return centre
 
 
-class CellValues:
+class CellFields:
     """Values of one model's displacements in the middle of its cells.
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: TissueModel) -> None:
         self.model, self.place = model, middle(model)
         self._basis = assembly.displacement_basis(
             model.mesh, model.element, lambda: (np.ascontiguousarray(self.place.T), np.ones(1))
@@ -61,7 +61,7 @@ class CellValues:
             Incompressible tissue, whose pressure the displacement alone does not give.
         """
         model, pressure = self.model, np.zeros(0)
-        if model.element.volume == PRESSURE:
+        if model.element.volume == MIXED:
             pressure = model.stiffness.pressure(u)
         found = stresses(model, model.stiffness, u, pressure, self.place)[:, 0]
         return found if model.dim == 3 else self._in_space(found, u)
@@ -78,7 +78,9 @@ class CellValues:
         gradient = self.gradient(u)
         shear = gradient[:, 0, 1] + gradient[:, 1, 0]
         strain = np.stack([gradient[:, 0, 0], gradient[:, 1, 1], shear], axis=1)
-        laws = [split(law).shape[:3][:, IN_PLANE] for law in self.model.materials.values()]
+        laws = [
+            volumetric_split(law).shape[:3][:, IN_PLANE] for law in self.model.materials.values()
+        ]
         shape = np.einsum("cij,cj->ci", np.array(laws)[self.model.cell_materials], strain)
         full[:, 2] = shape[:, 2] + np.mean(plane[:, :2] - shape[:, :2], axis=1)
         return full
@@ -98,7 +100,7 @@ class CellValues:
         CaseError
             The element has no pressure of its own.
         """
-        if self.model.element.volume != PRESSURE:
+        if self.model.element.volume != MIXED:
             remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
             problem = f"{self.model.element.name} has no pressure of its own"
             raise CaseError("discretisation.element", problem, remedy)

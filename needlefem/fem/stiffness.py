@@ -15,13 +15,13 @@ from scipy.sparse import block_array
 
 from needlefem._arrays import Floats, Ints, Sparse
 from needlefem._pickling import lasting_state
-from needlefem.elements import MEAN, PLAIN
+from needlefem.elements import BBAR, DISPLACEMENT
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem import forms as assembly
 from needlefem.fem.factorization import Factor, factorise
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.pressures import Pressures
-from needlefem.materials import Split
+from needlefem.materials import VolumetricSplit
 from needlefem.materials.voigt import volumetric
 
 
@@ -30,8 +30,8 @@ class Stiffness:
 
     Parameters
     ----------
-    space : Space
-    splits : sequence of Split
+    space : FunctionSpace
+    splits : sequence of VolumetricSplit
         Laws in the plane or in space.
     owner : array, shape (ncells,)
         The law of every cell.
@@ -51,7 +51,9 @@ class Stiffness:
         Incompressible tissue without a pressure to carry it.
     """
 
-    def __init__(self, space: Space, splits: Sequence[Split], owner: Ints) -> None:
+    def __init__(
+        self, space: FunctionSpace, splits: Sequence[VolumetricSplit], owner: Ints
+    ) -> None:
         # no reference to the space: a model owns its stiffness, and both are freed together
         self._mesh, self._element, self._basis = space.mesh, space.element, space.basis
         self._node_of = space.node_of
@@ -63,7 +65,7 @@ class Stiffness:
             remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
             problem = f"{self._element.name} can't be incompressible"
             raise CaseError("discretisation.element", problem, remedy)
-        if self._element.volume == PLAIN:
+        if self._element.volume == DISPLACEMENT:
             m = volumetric(space.dim)
             kappas = np.array([part.kappa for part in splits])
             shape = shape + kappas * np.outer(m, m)[:, :, None]
@@ -85,7 +87,7 @@ class Stiffness:
         """K, or A of a mixed element, shape (ndofs, ndofs)."""
         found = assembly.stiffness(self._basis, self.law)
         rule = self._element.volume_rule
-        if self._element.volume == MEAN and rule is not None:
+        if self._element.volume == BBAR and rule is not None:
             basis = assembly.displacement_basis(self._mesh, self._element, rule)
             found = found + assembly.volume_stiffness(basis, 1.0 / self.compressibility)
         return found
@@ -218,9 +220,11 @@ class Stiffness:
         return found, pressure
 
 
-def _different(splits: Sequence[Split], owner: Ints) -> tuple[list[Split], Ints]:
+def _different(
+    splits: Sequence[VolumetricSplit], owner: Ints
+) -> tuple[list[VolumetricSplit], Ints]:
     """Return the laws that differ, and the law of every cell among them."""
-    kept: list[Split] = []
+    kept: list[VolumetricSplit] = []
     number = np.zeros(len(splits), dtype=np.intp)
     for position, part in enumerate(splits):
         same = [

@@ -8,22 +8,22 @@ limit only, B-bar elements by their mean dilatation, mixed ones by their own pre
 import numpy as np
 
 from needlefem._arrays import Floats, Points
-from needlefem.elements import MEAN, PRESSURE
+from needlefem.elements import BBAR, MIXED
 from needlefem.errors import CaseError
 from needlefem.fem import forms as assembly
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
 from needlefem.materials.voigt import volumetric
 
 
 def stresses(
-    space: Space, stiffness: Stiffness, u: Floats, pressure: Floats, reference: Points
+    space: FunctionSpace, stiffness: Stiffness, u: Floats, pressure: Floats, reference: Points
 ) -> Floats:
     """Return Voigt stresses at reference points of every cell, shape (ncells, n, 3 or 6), Pa.
 
     Parameters
     ----------
-    space : Space
+    space : FunctionSpace
     stiffness : Stiffness
     u : array, shape (ndofs,), m
     pressure : array, shape (npressures,), Pa
@@ -46,21 +46,21 @@ def stresses(
     gradient = _gradient(space, u, reference)
     strain = np.stack(assembly.strain(gradient), axis=0)
     found: Floats = np.einsum("ijc,jcq->cqi", stiffness.law, strain)
-    if element.volume == MEAN and element.volume_rule is not None:
+    if element.volume == BBAR and element.volume_rule is not None:
         middle = _gradient(space, u, element.volume_rule()[0].T)
         dilatation = np.trace(middle)  # (ncells, 1)
         found += (dilatation / stiffness.compressibility[:, None])[:, :, None] * _m(space)
-    if element.volume == PRESSURE:
+    if element.volume == MIXED:
         found += stiffness.pressures.at(pressure, reference)[:, :, None] * _m(space)
     return found
 
 
-def _m(space: Space) -> Floats:
+def _m(space: FunctionSpace) -> Floats:
     m: Floats = volumetric(space.dim)
     return m
 
 
-def _gradient(space: Space, u: Floats, reference: Points) -> Floats:
+def _gradient(space: FunctionSpace, u: Floats, reference: Points) -> Floats:
     """Return the displacement's gradient, shape (dim, dim, ncells, n)."""
     weights = np.full(len(reference), 1.0 / len(reference))
     basis = assembly.displacement_basis(

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from needlefem._arrays import Ints
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.errors import CaseError, nearest, short
 from needlefem.validation import Validated
 
 if TYPE_CHECKING:  # a scene names its supports without the machinery of finite elements
-    from needlefem.fem.function_space import Space
+    from needlefem.fem.function_space import FunctionSpace
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -21,17 +21,21 @@ class Support(Validated):
 
     TABLE = "supports.NAME"
 
-    faces: tuple[str, ...] = knob("Named faces of the mesh", default=())
-    regions: tuple[str, ...] = knob("Regions held as a whole, such as bone", default=())
-    fixed: tuple[str, ...] = knob("Axes whose displacement is held; all when left out", default=())
+    faces: tuple[str, ...] = parameter("Named faces of the mesh", default=())
+    regions: tuple[str, ...] = parameter("Regions held as a whole, such as bone", default=())
+    fixed: tuple[str, ...] = parameter(
+        "Axes whose displacement is held; all when left out", default=()
+    )
 
 
-def supported_dofs(space: "Space", supports: Mapping[str, Support], axes: tuple[str, ...]) -> Ints:
+def supported_dofs(
+    space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
+) -> Ints:
     """Return the dofs that supports hold, rising.
 
     Parameters
     ----------
-    space : Space
+    space : FunctionSpace
     supports : mapping
         By their names in the case.
     axes : tuple of str

@@ -6,26 +6,32 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, SkfemMesh, Sparse
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError
 from needlefem.fem import forms as assembly
 from needlefem.fem.factorization import Factor
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
 from needlefem.fem.supports import Support, supported_dofs
-from needlefem.materials import Material, Split, branches_of, plane_split, split
+from needlefem.materials import (
+    Material,
+    VolumetricSplit,
+    branches_of,
+    plane_volumetric_split,
+    volumetric_split,
+)
 from needlefem.mesh.cell_map import cell_measures
 
 
-class Model(Space):
+class TissueModel(FunctionSpace):
     """K, M and what belongs to them; immutable, computed when first asked for.
 
     Parameters
     ----------
     mesh : skfem.Mesh
         With named subdomains (one material each) and named boundaries.
-    element : ElementRow
+    element : ElementType
         Element of the displacement.
     materials : mapping
         Material of every subdomain.
@@ -47,7 +53,7 @@ class Model(Space):
     def __init__(
         self,
         mesh: SkfemMesh,
-        element: ElementRow,
+        element: ElementType,
         materials: Mapping[str, Material],
         supports: Mapping[str, Support],
         axes: tuple[str, ...],
@@ -109,10 +115,13 @@ class Model(Space):
         """K of the whole tissue, supported or not."""
         return Stiffness(self, [part for part, _ in self.laws()], self.cell_materials)
 
-    def laws(self) -> list[tuple[Split, float]]:
+    def laws(self) -> list[tuple[VolumetricSplit, float]]:
         """Return law and density of every subdomain, in the order of `materials`."""
         return [
-            (split(law) if self.dim == 3 else plane_split(law, self.plane), float(law.density))
+            (
+                volumetric_split(law) if self.dim == 3 else plane_volumetric_split(law, self.plane),
+                float(law.density),
+            )
             for law in self.materials.values()
         ]
 

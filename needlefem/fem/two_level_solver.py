@@ -11,23 +11,23 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, cg
 
 from needlefem._arrays import Floats, Sparse
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 LEFT = 1e-2
 """Share of what the coarser tissue leaves of the load that is left at the end."""
 MOST_ITERATIONS = 200
 
 
-class Nested:
+class TwoLevelSolver:
     """A finer tissue beside a coarser one of the same laws and supports.
 
     Parameters
     ----------
-    finer, coarser : Model
+    finer, coarser : TissueModel
         Of elements without a pressure of their own.
     """
 
-    def __init__(self, finer: Model, coarser: Model) -> None:
+    def __init__(self, finer: TissueModel, coarser: TissueModel) -> None:
         self._finer, self._coarser = finer, coarser
         self._diagonal = finer.stiffness.matrix.diagonal()
         self._spread = _spread(finer, coarser)
@@ -64,7 +64,7 @@ class Nested:
         return found
 
 
-def _spread(finer: Model, coarser: Model) -> Sparse:
+def _spread(finer: TissueModel, coarser: TissueModel) -> Sparse:
     """Return the coarser free dofs' weights in the finer dofs, none in those that are held."""
     cells, reference = coarser.interpolation.locator.find(finer.nodes)
     inside = np.flatnonzero(cells >= 0)

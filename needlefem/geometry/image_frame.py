@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Floats, Points
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.validation import Validated
 
@@ -24,11 +24,11 @@ class Voxels(Validated):
 
     TABLE = "frame.voxels"
 
-    file: str = knob("Name of the image's file", default="")
-    origin: Coordinates = knob("Centre of the first voxel, in the scanner's space", "length")
-    axes: tuple[Coordinates, ...] = knob("Directions in which the voxels' three numbers grow")
-    spacing: Coordinates = knob("Distances of the voxels' centres", "length", low=0.0)
-    size: tuple[int, ...] = knob("Numbers of voxels", low=1.0, closed=True)
+    file: str = parameter("Name of the image's file", default="")
+    origin: Coordinates = parameter("Centre of the first voxel, in the scanner's space", "length")
+    axes: tuple[Coordinates, ...] = parameter("Directions in which the voxels' three numbers grow")
+    spacing: Coordinates = parameter("Distances of the voxels' centres", "length", low=0.0)
+    size: tuple[int, ...] = parameter("Numbers of voxels", low=1.0, closed=True)
 
     def check(self) -> None:
         """See `Validated`."""
@@ -55,19 +55,21 @@ class Voxels(Validated):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Frame(Validated):
+class ImageFrame(Validated):
     """The plane of a case in the scanner's space, and the image that was cut by it."""
 
     TABLE = "frame"
 
-    space: str = knob(
+    space: str = parameter(
         "Axes of the scanner's space: left, posterior, superior (DICOM) or right, anterior, "
         "superior (3D Slicer)",
         default="LPS",
         choices=("LPS", "RAS"),
     )
-    origin: Coordinates = knob("The case's point (0, 0) in the scanner's space", "length")
-    axes: tuple[Coordinates, ...] = knob("The case's axes as unit vectors in the scanner's space")
+    origin: Coordinates = parameter("The case's point (0, 0) in the scanner's space", "length")
+    axes: tuple[Coordinates, ...] = parameter(
+        "The case's axes as unit vectors in the scanner's space"
+    )
     voxels: Voxels | None = None
 
     def check(self) -> None:

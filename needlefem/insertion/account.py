@@ -17,15 +17,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.contact.functionals import Piece
-from needlefem.fem.interpolation import Weights
+from needlefem.contact.functionals import ContactSegment
+from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.result import Ledger
-from needlefem.insertion.state import State, Way
+from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import Field
 
 
 @dataclasses.dataclass(frozen=True)
-class Spent:
+class EnergyIncrement:
     """What the needle's work went into in one step, J (J/m in 2D); terms as in `Ledger`.
 
     Parameters
@@ -61,12 +61,12 @@ class Spent:
 
 
 @dataclasses.dataclass
-class Account:
+class EnergyBalance:
     """Energies since the first state, J (J/m in 2D).
 
     Parameters
     ----------
-    pieces : sequence of Piece
+    pieces : sequence of ContactSegment
         Of the whole path; may grow.
     give : float
         Compliance of sticking over that of the lateral hold.
@@ -77,14 +77,14 @@ class Account:
     Attributes
     ----------
     least : float
-        The least of `Spent.least`.
+        The least of `EnergyIncrement.least`.
     mismatch : float
         Largest difference of a step's work from all that it was spent on (elastic tissue).
     turnover : float
         Work of all steps, whatever its sign.
     """
 
-    pieces: Sequence[Piece]
+    pieces: Sequence[ContactSegment]
     give: float = 0.0
     inertial: bool = False
     work: float = 0.0
@@ -102,7 +102,9 @@ class Account:
     mismatch: float = 0.0
     turnover: float = 0.0
 
-    def weigh(self, old: State, new: State, fields: tuple[Field, Field], front: float) -> Spent:
+    def weigh(
+        self, old: State, new: State, fields: tuple[Field, Field], front: float
+    ) -> EnergyIncrement:
         """Return what a step between two states spends.
 
         Parameters
@@ -131,11 +133,11 @@ class Account:
         strain = _strain(new) - _strain(old)
         mismatch = work - strain - friction - cutting - snap - hold - capture
         caught = 0.0
-        if self.inertial and new.way is not Way.OUT and not self.give:
+        if self.inertial and new.tip_phase is not TipPhase.OUTSIDE and not self.give:
             caught = 0.5 * sum(side.stuck(travel, sign, new) for side, sign in signed)
         let_go = self._let_go(old, new, sides, travel)
         friction, capture = friction - caught - let_go, capture + let_go
-        return Spent(
+        return EnergyIncrement(
             work=work, strain=strain, hold=hold, friction=friction, cutting=cutting, snap=snap,
             capture=capture + caught, caught=caught, mismatch=mismatch,
         )  # fmt: skip
@@ -150,29 +152,29 @@ class Account:
         lies in goes on with it, and the rest was let go of. That of pieces that stuck and that the
         needle has left was let go of too. Where pieces slip on as they did, all of it is friction.
         """
-        first = min(old.whole, new.whole)
-        if old.slipping is None or new.slipping is None or first >= len(old.axial):
+        first = min(old.full_segments, new.full_segments)
+        if old.slipping is None or new.slipping is None or first >= len(old.friction_force):
             return 0.0
         was, total = sides[0].slip(travel, 1), 0.0
-        if first < len(new.axial):
+        if first < len(new.friction_force):
             became = sides[1].slip(travel, -1)[first]
-            slips_on = old.axial[first] * new.slipping[first] > 0.0
-            if not slips_on or (self.inertial and first == old.whole):
+            slips_on = old.friction_force[first] * new.slipping[first] > 0.0
+            if not slips_on or (self.inertial and first == old.full_segments):
                 lengths = [1.0 / _piece(s, first, self.pieces).compliance for s in (new, old)]
                 share = 1.0 if slips_on else min(lengths[0] / lengths[1], 1.0)
-                total += old.axial[first] * (was[first] - share * became)
+                total += old.friction_force[first] * (was[first] - share * became)
                 total += (1.0 - share) * self._stretched(old, first)
-        for number in range(len(new.axial), len(old.axial)):
+        for number in range(len(new.friction_force), len(old.friction_force)):
             if old.slipping[number] == 0:
-                total += old.axial[number] * was[number] + self._stretched(old, number)
+                total += old.friction_force[number] * was[number] + self._stretched(old, number)
         return 0.5 * float(total)
 
     def _stretched(self, state: State, number: int) -> float:
         """Return twice the energy of sticking, where it gives way, of a piece."""
         piece = _piece(state, number, self.pieces)
-        return self.give * piece.compliance * float(state.axial[number]) ** 2
+        return self.give * piece.compliance * float(state.friction_force[number]) ** 2
 
-    def add(self, spent: Spent) -> None:
+    def add(self, spent: EnergyIncrement) -> None:
         """Account for a step."""
         for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
             setattr(self, name, getattr(self, name) + getattr(spent, name))
@@ -218,26 +220,28 @@ class Account:
 class _Side:
     """The functionals with a force at one end of a step, in the fields of both ends."""
 
-    def __init__(self, own: State, other: Field, pieces: Sequence[Piece], at_other: State) -> None:
+    def __init__(
+        self, own: State, other: Field, pieces: Sequence[ContactSegment], at_other: State
+    ) -> None:
         self.own = own
-        self.common = min(own.whole, at_other.whole)
-        elsewhere = [at_other.moved[: self.common]]
-        for number in range(self.common, len(own.axial)):
+        self.common = min(own.full_segments, at_other.full_segments)
+        elsewhere = [at_other.segment_displacement[: self.common]]
+        for number in range(self.common, len(own.friction_force)):
             piece = _piece(own, number, pieces)
-            elsewhere.append(other.means(Weights(piece.nodes, piece.weights[None])))
+            elsewhere.append(other.means(LinearFunctionals(piece.nodes, piece.weights[None])))
         self.elsewhere: Floats = np.concatenate(elsewhere)
         """Displacement of the own pieces in the other field, shape (npieces, dim), m."""
-        tip = Weights(own.tip_nodes, own.tip_weights[None])
+        tip = LinearFunctionals(own.tip_nodes, own.tip_weights[None])
         self.tip_elsewhere: Floats = other.means(tip)[0]
 
     def slip(self, travel: float, sign: int) -> Floats:
         """Return how far the needle slipped in every piece."""
-        found: Floats = travel - sign * (self.elsewhere[:, 0] - self.own.moved[:, 0])
+        found: Floats = travel - sign * (self.elsewhere[:, 0] - self.own.segment_displacement[:, 0])
         return found
 
     def friction(self, travel: float, sign: int) -> Floats:
         """Return friction times slip, of every piece."""
-        found: Floats = self.own.axial * self.slip(travel, sign)
+        found: Floats = self.own.friction_force * self.slip(travel, sign)
         return found
 
     def stuck(self, travel: float, sign: int, new: State) -> float:
@@ -247,24 +251,24 @@ class _Side:
         return float(np.sum(self.friction(travel, sign)[: self.common][sticks]))
 
     def tip(self, travel: float, sign: int) -> float:
-        return travel - sign * (float(self.tip_elsewhere[0]) - self.own.tip_moved)
+        return travel - sign * (float(self.tip_elsewhere[0]) - self.own.tip_displacement)
 
     def let_go(self) -> float:
         """Return lateral force times way of a tip that holds the skin at its own end only."""
         return float(self.own.tip_lateral @ self.tip_elsewhere[1:])
 
-    def caught(self, pieces: Sequence[Piece]) -> float:
+    def caught(self, pieces: Sequence[ContactSegment]) -> float:
         """Lateral force times gap in the other field, of pieces that the other end lacks."""
         total = 0.0
-        for number in range(self.common, len(self.own.axial)):
+        for number in range(self.common, len(self.own.friction_force)):
             gap = _piece(self.own, number, pieces).offset + self.elsewhere[number, 1:]
-            total += float(self.own.lateral[number] @ gap)
+            total += float(self.own.lateral_force[number] @ gap)
         return total
 
 
-def _piece(state: State, number: int, pieces: Sequence[Piece]) -> Piece:
-    if state.end is not None and number == state.whole:
-        return state.end
+def _piece(state: State, number: int, pieces: Sequence[ContactSegment]) -> ContactSegment:
+    if state.partial_segment is not None and number == state.full_segments:
+        return state.partial_segment
     return pieces[number]
 
 
@@ -282,29 +286,32 @@ def _tip_parts(
         Length of the cut path at the step's start.
     """
     forces = np.array([old.tip_force, new.tip_force])
-    if new.way not in (Way.CUTTING, Way.JUMPING):
+    if new.tip_phase not in (TipPhase.CUTTING, TipPhase.RUPTURE):
         return 0.0, 0.0, float(np.dot(forces, slips))
     # a tip that came back to the front and cut on in one step: the way to the front is no cut
-    cut, drawn = 1.0, max(front - old.covered, 0.0)
-    if old.way in (Way.WITHDRAWN, Way.OUT) and drawn > 0.0:
-        cut = (new.covered - front) / (new.covered - old.covered)
+    cut, drawn = 1.0, max(front - old.inserted_length, 0.0)
+    if old.tip_phase in (TipPhase.RETRACTED, TipPhase.OUTSIDE) and drawn > 0.0:
+        cut = (new.inserted_length - front) / (new.inserted_length - old.inserted_length)
     excess = np.array([max(s.tip_force - s.cutting_force, 0.0) for s in (old, new)])
     shares = np.array([1.0, cut]) * slips
     apart = float(np.dot(forces, slips - shares))
     return float(np.dot(forces - excess, shares)), float(np.dot(excess, shares)), apart
 
 
-def _hold(state: State, pieces: Sequence[Piece]) -> float:
-    compliances = [_piece(state, n, pieces).compliance for n in range(len(state.axial))]
-    return 0.5 * float(np.array(compliances) @ np.sum(state.lateral**2, axis=1))
+def _hold(state: State, pieces: Sequence[ContactSegment]) -> float:
+    compliances = [_piece(state, n, pieces).compliance for n in range(len(state.friction_force))]
+    return 0.5 * float(np.array(compliances) @ np.sum(state.lateral_force**2, axis=1))
 
 
-def _stick(state: State, pieces: Sequence[Piece]) -> float:
+def _stick(state: State, pieces: Sequence[ContactSegment]) -> float:
     """Return the energy of sticking as if it gave way like the lateral hold."""
-    compliances = [_piece(state, n, pieces).compliance for n in range(len(state.axial))]
-    return 0.5 * float(np.array(compliances) @ state.axial**2)
+    compliances = [_piece(state, n, pieces).compliance for n in range(len(state.friction_force))]
+    return 0.5 * float(np.array(compliances) @ state.friction_force**2)
 
 
 def _strain(state: State) -> float:
-    forces = np.column_stack([state.axial, state.lateral])
-    return 0.5 * float(np.sum(forces * state.moved)) + 0.5 * state.tip_force * state.tip_moved
+    forces = np.column_stack([state.friction_force, state.lateral_force])
+    return (
+        0.5 * float(np.sum(forces * state.segment_displacement))
+        + 0.5 * state.tip_force * state.tip_displacement
+    )

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from needlefem._arrays import Floats
-from needlefem.insertion.step_equations import TOLERANCE, Solution
+from needlefem.insertion.step_equations import TOLERANCE, StepSolution
 
 STALLED = 1e-15
 """Change of the unknowns below which iterating is in vain, m."""
@@ -14,11 +14,13 @@ FLAT = 1e-8
 """Determinant of the errors' derivatives that is none."""
 MOST_ITERATIONS = 60
 
-Evaluate = Callable[[Floats], tuple[Solution, Floats]]
+Evaluate = Callable[[Floats], tuple[StepSolution, Floats]]
 Limit = Callable[[Floats, Floats], Floats]
 
 
-def broyden(evaluate: Evaluate, unknown: Floats, jacobian: Floats, limit: Limit) -> Solution | None:
+def broyden(
+    evaluate: Evaluate, unknown: Floats, jacobian: Floats, limit: Limit
+) -> StepSolution | None:
     """Return the solution without an error (C. G. Broyden 1965), or None: not found.
 
     Parameters

@@ -17,7 +17,7 @@ import numpy as np
 
 from needlefem._arrays import Floats
 from needlefem.insertion.fields import displacements, loads, means_of
-from needlefem.insertion.result import Insertion, Ledger, Snap
+from needlefem.insertion.result import Insertion, Ledger, Rupture
 from needlefem.insertion.state import State
 
 
@@ -61,7 +61,7 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     )
 
 
-def released(insertion: Insertion, snap: Snap) -> float:
+def released(insertion: Insertion, snap: Rupture) -> float:
     """Return the energy that a snap of a march set free, J (J/m in 2D)."""
     moved = displacements(insertion, range(snap.first, snap.last + 1))
     along = np.zeros((0, moved.shape[1]))  # of the tip's work alone
@@ -84,8 +84,10 @@ def _axial(insertion: Insertion, moved: Floats) -> Floats:
 
 
 def _hold(insertion: Insertion, state: State) -> float:
-    compliance = np.array([piece.compliance for piece in insertion.pieces[: len(state.axial)]])
-    return 0.5 * float(compliance @ np.sum(state.lateral**2, axis=1))
+    compliance = np.array(
+        [piece.compliance for piece in insertion.pieces[: len(state.friction_force)]]
+    )
+    return 0.5 * float(compliance @ np.sum(state.lateral_force**2, axis=1))
 
 
 class _Step:
@@ -113,18 +115,18 @@ class _Step:
 
     def friction(self) -> float:
         """Mean traction times relative slip of all pieces."""
-        count = len(self.new.axial)
-        pull = self.new.axial.copy()
-        pull[: len(self.old.axial)] += self.old.axial
+        count = len(self.new.friction_force)
+        pull = self.new.friction_force.copy()
+        pull[: len(self.old.friction_force)] += self.old.friction_force
         slip = self.travel - np.diff(self._along[:count], axis=1)[:, 0]
         return 0.5 * float(pull @ slip)
 
     def capture(self) -> float:
         """Work of the hold on the newest pieces, counted as spent (see the module)."""
         total = 0.0
-        for number in range(len(self.old.axial), len(self.new.axial)):
+        for number in range(len(self.old.friction_force), len(self.new.friction_force)):
             gap = self.insertion.pieces[number].offset + self._moved(number)[0, 1:]
-            total += 0.5 * float(self.new.lateral[number] @ gap)
+            total += 0.5 * float(self.new.lateral_force[number] @ gap)
         return total
 
     def tip(self, *, trapezoidal: bool) -> tuple[float, float]:

@@ -3,29 +3,29 @@
 import numpy as np
 
 from needlefem._arrays import Points, Vector
-from needlefem.fem.interpolation import Weights
-from needlefem.insertion.cut_path import Track
+from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.result import Event, Seed
-from needlefem.insertion.state import State, Way
+from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import Field
 
 CHANGES = {
-    (Way.PRESSING, Way.WITHDRAWN): "withdrawal",
-    (Way.CUTTING, Way.WITHDRAWN): "withdrawal",
-    (Way.WITHDRAWN, Way.PRESSING): "return",
-    (Way.WITHDRAWN, Way.CUTTING): "return",
-    (Way.WITHDRAWN, Way.OUT): "exit",
-    (Way.OUT, Way.WITHDRAWN): "entry",
+    (TipPhase.LOADING, TipPhase.RETRACTED): "withdrawal",
+    (TipPhase.CUTTING, TipPhase.RETRACTED): "withdrawal",
+    (TipPhase.RETRACTED, TipPhase.LOADING): "return",
+    (TipPhase.RETRACTED, TipPhase.CUTTING): "return",
+    (TipPhase.RETRACTED, TipPhase.OUTSIDE): "exit",
+    (TipPhase.OUTSIDE, TipPhase.RETRACTED): "entry",
 }
 """What a change of the tip's way is called."""
 
 
-class Chronicle:
+class EventLog:
     """Events and seeds of one motion.
 
     Parameters
     ----------
-    track : Track
+    track : CutPath
     timeless : bool
         Whether steps are cut where something happens.
 
@@ -36,23 +36,23 @@ class Chronicle:
     seeds : list of Seed
     """
 
-    def __init__(self, track: Track, *, timeless: bool) -> None:
+    def __init__(self, track: CutPath, *, timeless: bool) -> None:
         self.events: list[Event] = []
         self.seeds: list[Seed] = []
         self._track, self._timeless = track, timeless
         self._way_in = [(0.0, track.instrument.axis.entry)]
         self._sticking = False
 
-    def happens(self, kind: str, energy: float, at: State, name: str = "") -> None:
+    def record(self, kind: str, energy: float, at: State, name: str = "") -> None:
         """Note an event."""
         self.events.append(Event(kind, at.time, at.depth, at.tip, energy, name))
 
-    def deepen(self, state: State) -> None:
+    def record_deepest(self, state: State) -> None:
         """Remember the tip's material if the needle was never deeper."""
-        if state.depth > self._way_in[-1][0] and state.way is not Way.OUT:
+        if state.depth > self._way_in[-1][0] and state.tip_phase is not TipPhase.OUTSIDE:
             self._way_in.append((state.depth, state.tip))
 
-    def tell(self, old: State, new: State, spent: tuple[float, float]) -> None:
+    def record_transitions(self, old: State, new: State, spent: tuple[float, float]) -> None:
         """Note what changed from one state to the next.
 
         Parameters
@@ -62,24 +62,29 @@ class Chronicle:
             What friction, and what the tip took in the step, J (J/m in 2D).
         """
         friction, tip = spent
-        if (old.way, new.way) in CHANGES and (len(old.axial) or len(new.axial)):
+        if (old.tip_phase, new.tip_phase) in CHANGES and (
+            len(old.friction_force) or len(new.friction_force)
+        ):
             # a step is cut before the tip leaves and after it arrives
-            arrived = new.way in (Way.OUT, Way.PRESSING, Way.CUTTING) or not self._timeless
-            took = tip + (friction if new.way is Way.OUT else 0.0)
-            self.happens(CHANGES[old.way, new.way], took, new if arrived else old)
-        if len(new.axial) < 2 or new.slipping is None:
+            arrived = (
+                new.tip_phase in (TipPhase.OUTSIDE, TipPhase.LOADING, TipPhase.CUTTING)
+                or not self._timeless
+            )
+            took = tip + (friction if new.tip_phase is TipPhase.OUTSIDE else 0.0)
+            self.record(CHANGES[old.tip_phase, new.tip_phase], took, new if arrived else old)
+        if len(new.friction_force) < 2 or new.slipping is None:
             return
         slipping = np.count_nonzero(new.slipping[1:])
-        if self._sticking and slipping == len(new.axial) - 1:
+        if self._sticking and slipping == len(new.friction_force) - 1:
             self._sticking = False
-            self.happens("breakaway", friction, new)
+            self.record("breakaway", friction, new)
         elif not self._sticking and slipping == 0:
             self._sticking = True
-            self.happens("grip", friction, new)
+            self.record("grip", friction, new)
 
     def release(self, name: str, state: State, world: Vector) -> None:
         """Let the tip, at a point of the world, let go of something."""
-        weights = Weights(state.tip_nodes, state.tip_weights[None])
+        weights = LinearFunctionals(state.tip_nodes, state.tip_weights[None])
         self.seeds.append(
             Seed(
                 name=name,
@@ -88,10 +93,10 @@ class Chronicle:
                 point=state.tip,
                 shortcut=self._shortcut(state),
                 weights=weights,
-                inside=len(state.axial) > 0,
+                inside=len(state.friction_force) > 0,
             )
         )
-        self.happens("release", 0.0, state, name)
+        self.record("release", 0.0, state, name)
 
     def _shortcut(self, state: State) -> Vector:
         """Return the material that was at the tip at this depth on the way in."""
@@ -101,7 +106,7 @@ class Chronicle:
         tips = np.array([tip for _, tip in self._way_in])
         return np.array([np.interp(state.depth, depths, along) for along in tips.T])
 
-    def places(self, field: Field) -> Points:
+    def seed_positions(self, field: Field) -> Points:
         """Return where the seeds are in the world under a field, shape (nseeds, dim), m."""
         frame = self._track.instrument.axis.frame
         found = [seed.point + field.means(seed.weights)[0] @ frame for seed in self.seeds]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
-from needlefem.contact.functionals import Piece
-from needlefem.fem.tissue_model import Model
+from needlefem.contact.functionals import ContactSegment
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
 from needlefem.scene.discretization import DYNAMIC
@@ -19,12 +19,15 @@ def loads(insertion: Insertion, states: Sequence[int]) -> Floats:
     forces = np.zeros((len(pieces), model.dim, len(states)))
     for column, number in enumerate(states):
         state = insertion.states[number]
-        on_pieces = np.column_stack([state.axial, state.lateral]) @ frame
-        forces[: state.whole, :, column] = on_pieces[: state.whole]
+        on_pieces = np.column_stack([state.friction_force, state.lateral_force]) @ frame
+        forces[: state.full_segments, :, column] = on_pieces[: state.full_segments]
         _add_tip(found[:, column], model, frame, state)
-        if state.end is not None:
+        if state.partial_segment is not None:
             _add(
-                found[:, column], model.node_dofs[state.end.nodes], state.end.weights, on_pieces[-1]
+                found[:, column],
+                model.node_dofs[state.partial_segment.nodes],
+                state.partial_segment.weights,
+                on_pieces[-1],
             )
     if pieces:
         touched, means = means_of(pieces)
@@ -33,7 +36,7 @@ def loads(insertion: Insertion, states: Sequence[int]) -> Floats:
     return found
 
 
-def means_of(pieces: Sequence[Piece]) -> tuple[Ints, Floats]:
+def means_of(pieces: Sequence[ContactSegment]) -> tuple[Ints, Floats]:
     """Return the nodes that pieces touch, and their weights there, shape (npieces, nodes)."""
     nodes, place = np.unique(np.concatenate([p.nodes for p in pieces]), return_inverse=True)
     means = np.zeros((len(pieces), len(nodes)))
@@ -42,27 +45,29 @@ def means_of(pieces: Sequence[Piece]) -> tuple[Ints, Floats]:
     return nodes, means
 
 
-def load(model: Model, frame: Floats, state: State, pieces: Sequence[Piece]) -> Floats:
+def load(
+    model: TissueModel, frame: Floats, state: State, pieces: Sequence[ContactSegment]
+) -> Floats:
     """Return the needle's forces on the tissue in a state, shape (ndofs,), N (N/m in 2D).
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     frame : array, shape (dim, dim)
         The needle's.
     state : State
-    pieces : sequence of Piece
+    pieces : sequence of ContactSegment
         Of the whole path.
     """
     found = np.zeros(model.ndofs)
     _add_tip(found, model, frame, state)
-    forces = np.column_stack([state.axial, state.lateral]) @ frame
+    forces = np.column_stack([state.friction_force, state.lateral_force]) @ frame
     for piece, on_piece in zip(state.filled(pieces), forces, strict=True):
         _add(found, model.node_dofs[piece.nodes], piece.weights, on_piece)
     return found
 
 
-def _add_tip(target: Floats, model: Model, frame: Floats, state: State) -> None:
+def _add_tip(target: Floats, model: TissueModel, frame: Floats, state: State) -> None:
     force = np.concatenate([[state.tip_force], state.tip_lateral]) @ frame
     _add(target, model.node_dofs[state.tip_nodes], state.tip_weights, force)
 

@@ -7,7 +7,7 @@ from needlefem._arrays import Floats
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import broyden, root_between
-from needlefem.insertion.step_equations import Solution, StepEquations
+from needlefem.insertion.step_equations import StepEquations, StepSolution
 from needlefem.insertion.tip_solver import not_found, smallest_turning
 
 PEAK = 1e-4
@@ -31,7 +31,7 @@ class _NotCutError(Exception):
         self.length = length
 
 
-def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | None:
+def extend_to_length(equations: StepEquations, length: float, depth: float) -> StepSolution | None:
     """Return the forces with a tip that has cut on until its piece has a length, or None.
 
     The depth is what it takes. None: not found, or no tissue is around the tip.
@@ -46,12 +46,12 @@ def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | 
     """
     begin = _sideways(equations, length)
 
-    def evaluate(unknown: Floats) -> tuple[Solution, Floats]:
+    def evaluate(unknown: Floats) -> tuple[StepSolution, Floats]:
         tip = _ahead(equations, length, unknown[1:])
         position = equations.at_point(tip, equations.track.count)
         force = position.cutting_force
         solution = equations.solve(position, depth + unknown[0], force, force)
-        return solution, np.append(solution.gap, solution.beside)
+        return solution, np.append(solution.axial_gap, solution.lateral_gap)
 
     def near(unknown: Floats, change: Floats) -> Floats:
         return np.append(change[:1], _within(unknown[1:], change[1:], length))
@@ -63,7 +63,7 @@ def cut_to(equations: StepEquations, length: float, depth: float) -> Solution | 
         return None
 
 
-def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution:
+def advance_at_fixed_depth(equations: StepEquations, length: float, depth: float) -> StepSolution:
     """Return the forces, whatever the tip's is, with a tip that ran ahead at a depth.
 
     Parameters
@@ -75,10 +75,10 @@ def run_ahead(equations: StepEquations, length: float, depth: float) -> Solution
     """
     begin = _sideways(equations, length)
 
-    def evaluate(sideways: Floats) -> tuple[Solution, Floats]:
+    def evaluate(sideways: Floats) -> tuple[StepSolution, Floats]:
         position = equations.at_point(_ahead(equations, length, sideways), equations.track.count)
         solution = equations.solve(position, depth, -np.inf, np.inf)
-        return solution, solution.beside
+        return solution, solution.lateral_gap
 
     def near(sideways: Floats, change: Floats) -> Floats:
         return _within(sideways, change, length)
@@ -93,16 +93,18 @@ def _not_found(equations: StepEquations, length: float, depth: float) -> Simulat
     """Return the error of a piece of which no length is in equilibrium at a depth."""
     begin, count = _sideways(equations, length), equations.track.count
 
-    def solved(sideways: Floats) -> Solution:
+    def solved(sideways: Floats) -> StepSolution:
         position = equations.at_point(_ahead(equations, length, sideways), count)
         return equations.solve(position, depth, -np.inf, np.inf)
 
-    turning = smallest_turning(lambda sideways: solved(sideways).beside, begin, length)
+    turning = smallest_turning(lambda sideways: solved(sideways).lateral_gap, begin, length)
     limit = equations.front().cutting_force
     return SimulationError(not_found(length, equations.track.vertices[-1], turning, limit))
 
 
-def land(equations: StepEquations, high: float, depth: float, low: float | None = None) -> Solution:
+def find_arrest(
+    equations: StepEquations, high: float, depth: float, low: float | None = None
+) -> StepSolution:
     """Return where a tip that ran ahead stops: its force is back at that of cutting.
 
     Parameters
@@ -116,13 +118,18 @@ def land(equations: StepEquations, high: float, depth: float, low: float | None 
     """
     if low is None:
         low, near = _near(equations, high, depth)
-        if near.excess <= 0.0:
+        if near.excess_cutting_force <= 0.0:
             return near
-    length = root_between(lambda x: run_ahead(equations, x, depth).excess, low, high, 1e-12 * high)
-    return run_ahead(equations, length, depth)
+    length = root_between(
+        lambda x: advance_at_fixed_depth(equations, x, depth).excess_cutting_force,
+        low,
+        high,
+        1e-12 * high,
+    )
+    return advance_at_fixed_depth(equations, length, depth)
 
 
-def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, Solution]:
+def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, StepSolution]:
     """Return a length ahead that is below that of landing, and the solution there.
 
     A front beside the axis can't be on it with a tip that is nearer than that: then it is the
@@ -133,25 +140,27 @@ def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, S
     while share < 1.0:
         length = start + share * (high - start)
         try:
-            found = length, run_ahead(equations, length, depth)
+            found = length, advance_at_fixed_depth(equations, length, depth)
         except SimulationError:
             if found is not None:
                 return found
             share *= 4.0
             continue
-        if found[1].excess > 0.0 or share <= CLOSEST:
+        if found[1].excess_cutting_force > 0.0 or share <= CLOSEST:
             return found
         share *= CLOSER
-    return high, run_ahead(equations, high, depth)
+    return high, advance_at_fixed_depth(equations, high, depth)
 
 
-def goal(equations: StepEquations) -> float:
+def segment_target(equations: StepEquations) -> float:
     """Return the length to which the growing piece grows, m: whole, and not all but reached."""
     spacing, track = equations.instrument.spacing, equations.track
     return max(spacing, track.length - track.arcs[-1] + LEAST * spacing)
 
 
-def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solution | None:
+def extend_until_segment_full(
+    equations: StepEquations, depth: float, room: float = np.inf
+) -> StepSolution | None:
     """Return the forces with a tip that has cut on, up to a depth or until its piece is whole.
 
     The path's length is the unknown's place in which all is smooth, also where the tip all but
@@ -173,8 +182,8 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
     if depth <= start:  # a needle that goes back does not cut
         return None
     low = track.length - track.arcs[-1]
-    high = min(goal(equations), low + room)
-    step = cut_to(equations, high, depth)
+    high = min(segment_target(equations), low + room)
+    step = extend_to_length(equations, high, depth)
     if step is None or _may_fall(equations, step, low, high):
         peak = _peak(equations, low, high, depth)
         if step is None or (peak is not None and peak.depth > step.depth):
@@ -184,13 +193,15 @@ def climb(equations: StepEquations, depth: float, room: float = np.inf) -> Solut
     return step if step.depth <= depth else _cut_to_depth(equations, step, depth)
 
 
-def _cut_to_depth(equations: StepEquations, beyond: Solution, depth: float) -> Solution | None:
+def _cut_to_depth(
+    equations: StepEquations, beyond: StepSolution, depth: float
+) -> StepSolution | None:
     """Return the forces with a tip that has cut on to a depth, on its way beyond it.
 
     Parameters
     ----------
     equations : StepEquations
-    beyond : Solution
+    beyond : StepSolution
         With the tip beyond the depth.
     depth : float, m
 
@@ -205,31 +216,31 @@ def _cut_to_depth(equations: StepEquations, beyond: Solution, depth: float) -> S
     def missed(length: float) -> float:
         if length == low:
             return start - depth
-        found = cut_to(equations, length, depth)
+        found = extend_to_length(equations, length, depth)
         if found is None:
             raise _NotCutError(length)
         return found.depth - depth
 
     try:
-        return cut_to(equations, root_between(missed, low, high, 1e-12 * high), depth)
+        return extend_to_length(equations, root_between(missed, low, high, 1e-12 * high), depth)
     except _NotCutError as error:
-        if run_ahead(equations, error.length, start).excess > 0.0:
+        if advance_at_fixed_depth(equations, error.length, start).excess_cutting_force > 0.0:
             return None
         raise _not_found(equations, error.length, depth) from error
 
 
-def _may_fall(equations: StepEquations, step: Solution, low: float, high: float) -> bool:
+def _may_fall(equations: StepEquations, step: StepSolution, low: float, high: float) -> bool:
     """Say whether depth may have a maximum within a piece: its second half gains little."""
-    middle = cut_to(equations, 0.5 * (low + high), step.depth)
+    middle = extend_to_length(equations, 0.5 * (low + high), step.depth)
     return middle is None or step.depth - middle.depth < LITTLE * (middle.depth - equations.depth)
 
 
-def _peak(equations: StepEquations, low: float, high: float, depth: float) -> Solution | None:
+def _peak(equations: StepEquations, low: float, high: float, depth: float) -> StepSolution | None:
     """Return the solution at the largest depth within lengths of the growing piece."""
-    found: list[Solution] = []
+    found: list[StepSolution] = []
 
     def below(length: float) -> float:
-        step = cut_to(equations, length, depth)
+        step = extend_to_length(equations, length, depth)
         if step is None:
             return high - equations.depth
         found.append(step)
@@ -243,9 +254,9 @@ def _peak(equations: StepEquations, low: float, high: float, depth: float) -> So
 def _sideways(equations: StepEquations, length: float) -> Floats:
     """Return where across the axis a tip at a length is expected, from the piece's vertex."""
     track = equations.track
-    grown = track.front - track.vertices[-1]
+    grown = track.crack_front - track.vertices[-1]
     size = float(np.linalg.norm(grown))
-    lean = equations.instrument.axis.laterals @ grown
+    lean = equations.instrument.axis.lateral_directions @ grown
     found: Floats = lean * (length / size) if size > 0.0 else lean
     return found
 
@@ -255,7 +266,7 @@ def _ahead(equations: StepEquations, length: float, sideways: Floats) -> Floats:
     axis = equations.instrument.axis
     forward = np.sqrt(np.maximum(length**2 - sideways @ sideways, 0.0))
     found: Floats = (
-        equations.track.vertices[-1] + forward * axis.direction + sideways @ axis.laterals
+        equations.track.vertices[-1] + forward * axis.direction + sideways @ axis.lateral_directions
     )
     return found
 

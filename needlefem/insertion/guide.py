@@ -17,7 +17,7 @@ Learnt = tuple[Floats, Floats]
 tip's distance from the axis to it, shape (dim - 1, dim - 1)."""
 
 
-class Guide:
+class WarmStart:
     """Guesses for a march, step by step.
 
     Parameters
@@ -46,10 +46,10 @@ class Guide:
         self.last: LastStep | None = None
         self._expected_last = expected_last
 
-    def beside(self, entry: Vector, near: float) -> "Guide":
+    def beside(self, entry: Vector, near: float) -> "WarmStart":
         """Return the guide of the next march: of no use unless its entry is near (m)."""
         apart = float(np.linalg.norm(entry - self.entry))
-        return Guide(entry, self.learnt, self.last) if apart <= near else Guide(entry)
+        return WarmStart(entry, self.learnt, self.last) if apart <= near else WarmStart(entry)
 
     def guess(self, slope: Floats, jacobian: Floats) -> Learnt:
         """Return direction and derivative to begin the next step with, from those of the last."""

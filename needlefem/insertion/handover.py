@@ -4,20 +4,20 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.insertion.cut_path import Track
-from needlefem.insertion.path_following import March
+from needlefem.insertion.cut_path import CutPath
+from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.state import State
-from needlefem.insertion.stepfield import StepField
+from needlefem.insertion.stepfield import ContactField
 
 
-def hand_over(march: March, track: Track, speed: float) -> tuple[State, StepField]:
+def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State, ContactField]:
     """Return the last state of a march and its field; its path becomes the track's.
 
     Parameters
     ----------
-    march : March
+    march : PathFollowing
         Has cut the skin.
-    track : Track
+    track : CutPath
         Empty.
     speed : float, m/s
         Of the needle on the march.
@@ -25,13 +25,13 @@ def hand_over(march: March, track: Track, speed: float) -> tuple[State, StepFiel
     contact, state = march.contact, march.states[-1]
     limits = contact.axial
     for number, later in enumerate(march.states[2:], 1):
-        track.front = later.tip
+        track.crack_front = later.tip
         track.extend(float(limits[number]))
-    track.pull[: len(limits)] = limits
+    track.friction_force[: len(limits)] = limits
     here = track.instrument.tip(state.tip)
-    trial = contact.try_functionals(here)
-    path = np.column_stack([state.axial, state.lateral]).ravel()
-    field = StepField(contact, path, trial, np.append(state.tip_force, state.tip_lateral))
+    trial = contact.trial(here)
+    path = np.column_stack([state.friction_force, state.lateral_force]).ravel()
+    field = ContactField(contact, path, trial, np.append(state.tip_force, state.tip_lateral))
     now = dataclasses.replace(
         state,
         time=state.depth / speed,

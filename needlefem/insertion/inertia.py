@@ -14,21 +14,21 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.functionals import Piece
+from needlefem.contact.functionals import ContactSegment
 from needlefem.dynamics import (
     Damping,
     EnergyLedger,
     GeneralizedAlpha,
-    Motion,
+    KinematicState,
     Newmark,
     TissueSystem,
 )
-from needlefem.dynamics.steppers import ImplicitStepper, Weights
+from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.compliance import Responses
+from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.factorization import Factor
-from needlefem.fem.tissue_model import Model
-from needlefem.insertion.recent import Recent
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.recent import LeastRecentlyUsed
 from needlefem.insertion.tissue_response import responses_of
 from needlefem.scene import Rayleigh, Scene
 
@@ -47,7 +47,7 @@ class Implicit(Protocol):
         ...
 
 
-def bound_radius(weights: Weights) -> float:
+def bound_radius(weights: AlphaParameters) -> float:
     """Return by what velocity and acceleration shrink a step where the displacement is given.
 
     The larger eigenvalue of their recursion, ``v1 = (1 - g/b) v0 + (1 - g/2b) dt a0`` and
@@ -73,7 +73,7 @@ class _Scaled:
         return self._factor.solve(rhs if self._share == 1.0 else self._share * rhs)
 
 
-class DynamicMedium:
+class DynamicResponse:
     """A tissue with inertia; see `Medium`.
 
     Parameters
@@ -85,7 +85,7 @@ class DynamicMedium:
 
     Attributes
     ----------
-    motion : Motion
+    motion : KinematicState
         At the last step's end.
     """
 
@@ -96,15 +96,17 @@ class DynamicMedium:
     ) -> None:
         self.system, self.model, self.integrator = system, system.model, integrator
         self._refuse = refuse_ringing
-        self._steppers: Recent[float, tuple[ImplicitStepper, Responses]] = Recent()
+        self._steppers: LeastRecentlyUsed[float, tuple[ImplicitStepper, ComplianceOperator]] = (
+            LeastRecentlyUsed()
+        )
         self._energies = dict.fromkeys(TERMS, 0.0)
         self._forces, self._pace = np.zeros((2, system.size))
-        self.motion: Motion | None = None
-        self._start: Motion
+        self.motion: KinematicState | None = None
+        self._start: KinematicState
         self.background: Floats | None = None
         self._loose: list[float] = []
         self._past = np.inf
-        self.responses: Responses
+        self.responses: ComplianceOperator
 
     def begin(self, duration: float) -> None:
         """See `Medium`."""
@@ -122,7 +124,7 @@ class DynamicMedium:
         self._free = self._stepper.free_motion(self._start, carried)
         self.background = self.system.nodal(self._free)
 
-    def swing(self, pieces: Sequence[Piece], direction: Vector) -> Floats:
+    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats:
         """See `Medium`."""
         half, weights = 0.5 * self._stepper.step, self._stepper.weights
         fields = [self.system.nodal(half * v) @ direction for v in (self._start.v, self._pace)]
@@ -139,7 +141,7 @@ class DynamicMedium:
     def _mass(self) -> Factor:
         return self.system.factor(1.0, 0.0, 0.0)
 
-    def _ready(self, duration: float) -> tuple[ImplicitStepper, Responses]:
+    def _ready(self, duration: float) -> tuple[ImplicitStepper, ComplianceOperator]:
         stepper = self.integrator.stepper(self.system, duration)
         if self._refuse and bound_radius(stepper.weights) >= RINGS:
             raise CaseError(
@@ -165,7 +167,7 @@ class DynamicMedium:
         return dict(self._energies)
 
 
-def dynamic_medium(scene: Scene, model: Model) -> DynamicMedium:
+def dynamic_response(scene: Scene, model: TissueModel) -> DynamicResponse:
     """Return the tissue of a resolved scene, in time as its discretisation says.
 
     Raises
@@ -179,7 +181,7 @@ def dynamic_medium(scene: Scene, model: Model) -> DynamicMedium:
     gamma = numbers.newmark_gamma
     newmark = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)
     alpha = GeneralizedAlpha(rho_inf=numbers.rho_inf)
-    return DynamicMedium(system, newmark if numbers.integrator == "newmark" else alpha)
+    return DynamicResponse(system, newmark if numbers.integrator == "newmark" else alpha)
 
 
 def damping_of(said: Rayleigh) -> Damping:

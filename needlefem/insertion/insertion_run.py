@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from needlefem.contact.functionals import Piece
-from needlefem.fem.tissue_model import Model
+from needlefem.contact.functionals import ContactSegment
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.energy_balance import ledger, released
-from needlefem.insertion.guide import Guide
-from needlefem.insertion.motion_schedule import legs, ticks
-from needlefem.insertion.path_following import March
+from needlefem.insertion.guide import WarmStart
+from needlefem.insertion.motion_schedule import motion_stages, time_steps
+from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.state import State
-from needlefem.insertion.tissue_response import ElasticMedium, Medium
-from needlefem.needle.needle_interface import Instrument
+from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
+from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Motion, Scene
 from needlefem.scene.limits import check_steps
 
 if TYPE_CHECKING:  # a march does without time steps and what sticks in them
-    from needlefem.contact.friction import Friction
-    from needlefem.insertion.time_stepping import Stepping
+    from needlefem.contact.friction import SlipWeakeningFriction
+    from needlefem.insertion.time_stepping import TimeStepping
 
 STEPS_A_PIECE = 2.0
 """Steps in which the needle travels the length of a piece of its path, or that over which
@@ -36,7 +36,7 @@ MOST_EVENTS = 1000
 """Of those that were written already, how many a result keeps."""
 
 
-class Course:
+class InsertionRun:
     """A motion of the needle in one tissue.
 
     Parameters
@@ -45,19 +45,19 @@ class Course:
         Resolved.
     motion : Motion
         What the needle is told to do.
-    instrument : Instrument
-    medium : Medium
-    model : Model
+    instrument : NeedleInterface
+    medium : TissueResponse
+    model : TissueModel
     friction : callable
         Returns the friction law; asked for when there is something to step.
-    guide : Guide, optional
+    guide : WarmStart, optional
         For a march, what is known from one nearby.
 
     Attributes
     ----------
-    march : March or None
+    march : PathFollowing or None
         Set when the motion began with one.
-    stepping : Stepping or None
+    stepping : TimeStepping or None
         Set when there was something to step.
     """
 
@@ -65,19 +65,19 @@ class Course:
         self,
         scene: Scene,
         motion: Motion,
-        instrument: Instrument,
-        medium: Medium,
-        model: Model,
+        instrument: NeedleInterface,
+        medium: TissueResponse,
+        model: TissueModel,
         *,
-        friction: Callable[[], "Friction"],
-        guide: Guide | None = None,
+        friction: Callable[[], "SlipWeakeningFriction"],
+        guide: WarmStart | None = None,
     ) -> None:
         self.scene, self.motion, self.instrument = scene, motion, instrument
         self._guide, self._friction = guide, friction
         self.medium, self.model = medium, model
-        self.march: March | None = None
-        self.stepping: Stepping | None = None
-        self._legs = legs(motion)
+        self.march: PathFollowing | None = None
+        self.stepping: TimeStepping | None = None
+        self._legs = motion_stages(motion)
         self._told = 0
         self._marched_events: list[Event] = []
         self._kept: deque[Event] = deque(maxlen=MOST_EVENTS)
@@ -115,7 +115,7 @@ class Course:
         return tuple(name for leg in self._legs for name in leg.releases)
 
     @property
-    def pieces(self) -> Sequence[Piece]:
+    def pieces(self) -> Sequence[ContactSegment]:
         """Pieces of the path cut so far."""
         if self.stepping is not None:
             return self.stepping.pieces
@@ -143,8 +143,8 @@ class Course:
 
     def _marched(self) -> Iterator[State]:
         first = self._legs[0]
-        assert isinstance(self.medium, ElasticMedium)
-        march = March(
+        assert isinstance(self.medium, ElasticResponse)
+        march = PathFollowing(
             self.instrument,
             self.medium.responses,
             first.end,
@@ -160,13 +160,13 @@ class Course:
         yield from itertools.chain(head, states)
 
     def _stepped(self) -> Iterator[State]:
-        from needlefem.insertion.time_stepping import Stepping  # noqa: PLC0415
+        from needlefem.insertion.time_stepping import TimeStepping  # noqa: PLC0415
 
         friction = self._friction()
-        stepping = Stepping(self.instrument, self.medium, self.model, friction)
+        stepping = TimeStepping(self.instrument, self.medium, self.model, friction)
         self.stepping = stepping
         wanted, longest = self._longest_steps()
-        found = ticks(self.motion, wanted, longest, timeless=self.medium.timeless)
+        found = time_steps(self.motion, wanted, longest, timeless=self.medium.timeless)
         states = stepping.iterate(found)
         if self.march is not None:
             speed = self._legs[0].end / self._legs[0].duration

@@ -14,7 +14,7 @@ HALVINGS = 6
 """Of the first step after the needle stopped or turned back, in which sticking gives way."""
 
 
-class Leg(NamedTuple):
+class MotionStage(NamedTuple):
     """Even motion between two depths (m) that takes a time (s); what is released at its end."""
 
     start: float
@@ -23,7 +23,7 @@ class Leg(NamedTuple):
     releases: tuple[str, ...] = ()
 
 
-class Tick(NamedTuple):
+class TimeStep(NamedTuple):
     """A time (s) and the depth (m) then; the duration of the step to it (s); what is released."""
 
     time: float
@@ -38,7 +38,7 @@ class Tick(NamedTuple):
         return start[0] + share * (self.time - start[0])
 
 
-def legs(motion: Motion) -> tuple[Leg, ...]:
+def motion_stages(motion: Motion) -> tuple[MotionStage, ...]:
     """Return the legs of a motion; what is released without a motion belongs to the one before.
 
     Raises
@@ -49,8 +49,8 @@ def legs(motion: Motion) -> tuple[Leg, ...]:
     if motion.times:
         return _table(motion)
     if not motion.stages:
-        return (Leg(0.0, motion.max_depth, motion.max_depth / motion.speed),)
-    found: list[Leg] = []
+        return (MotionStage(0.0, motion.max_depth, motion.max_depth / motion.speed),)
+    found: list[MotionStage] = []
     depth = 0.0
     for number, stage in enumerate(motion.stages):
         for leg in _stage(stage, depth, motion, f"motion.stages[{number}]"):
@@ -64,42 +64,42 @@ def legs(motion: Motion) -> tuple[Leg, ...]:
 
 def deepest(motion: Motion) -> float:
     """Return the largest depth of a motion, m."""
-    return max(leg.end for leg in legs(motion))
+    return max(leg.end for leg in motion_stages(motion))
 
 
-def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[Leg]:
+def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[MotionStage]:
     releases = () if stage.release is None else (stage.release,)
     if stage.hold is not None:
-        return [Leg(depth, depth, stage.hold, releases)]
+        return [MotionStage(depth, depth, stage.hold, releases)]
     end, speed = stage.to, stage.speed or motion.speed
     assert end is not None
     if end > motion.max_depth:
         problem = f"{end:g} m is beyond motion.max_depth, {motion.max_depth:g} m"
         raise CaseError(f"{key}.to", problem, "choose a smaller depth or raise max_depth")
     if stage.train is None:
-        return [Leg(depth, end, abs(end - depth) / speed, releases)]
+        return [MotionStage(depth, end, abs(end - depth) / speed, releases)]
     return _train(stage, depth, end, speed, key)
 
 
-def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> list[Leg]:
+def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> list[MotionStage]:
     """Return the legs between the seeds of a train, the first of which stays at the start."""
     count, pitch = stage.train or 0, stage.pitch
     if pitch is None or end >= depth or depth - end < (count - 1) * pitch * (1.0 - EVEN):
         problem = f"no room for {count} seeds on the way from {depth:g} to {end:g} m"
         raise CaseError(f"{key}.train", problem, "give 'pitch', and retract over all of the train")
     name = stage.release or "seed"
-    found = [Leg(depth, depth, 0.0, (f"{name} 1",))]
+    found = [MotionStage(depth, depth, 0.0, (f"{name} 1",))]
     for number in range(1, count):
         below = max(depth - number * pitch, end)
         if below - end <= EVEN * pitch:  # the train ends with the stage
             below = end
         start = found[-1].end
-        found.append(Leg(start, below, (start - below) / speed, (f"{name} {number + 1}",)))
+        found.append(MotionStage(start, below, (start - below) / speed, (f"{name} {number + 1}",)))
     last = found[-1].end
-    return found if last == end else [*found, Leg(last, end, (last - end) / speed)]
+    return found if last == end else [*found, MotionStage(last, end, (last - end) / speed)]
 
 
-def _table(motion: Motion) -> tuple[Leg, ...]:
+def _table(motion: Motion) -> tuple[MotionStage, ...]:
     times, depths = motion.times, motion.depths
     if motion.stages:
         raise CaseError("motion.times", "stages are there as well", "keep one of the two")
@@ -118,11 +118,14 @@ def _table(motion: Motion) -> tuple[Leg, ...]:
         problem = f"{times[late]:g} s comes after {times[late - 1]:g} s"
         raise CaseError("motion.times", problem, "let every time be later than the one before it")
     return tuple(
-        Leg(depths[i], depths[i + 1], times[i + 1] - times[i]) for i in range(len(times) - 1)
+        MotionStage(depths[i], depths[i + 1], times[i + 1] - times[i])
+        for i in range(len(times) - 1)
     )
 
 
-def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -> Iterator[Tick]:
+def time_steps(
+    motion: Motion, time_step: float, longest: float, *, timeless: bool
+) -> Iterator[TimeStep]:
     """Yield the steps of a motion, of equal duration within a leg.
 
     Where nothing depends on time, the first step after the needle stopped or turned back grows
@@ -138,7 +141,7 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
     timeless : bool
         Nothing happens while the needle rests: a hold is one step.
     """
-    time, stopped, parts = 0.0, False, legs(motion)
+    time, stopped, parts = 0.0, False, motion_stages(motion)
     travels = [leg.end - leg.start for leg in parts]
     for number, (leg, travel) in enumerate(zip(parts, travels, strict=True)):
         needed = max(leg.duration / time_step, abs(travel) / longest)
@@ -152,7 +155,7 @@ def ticks(motion: Motion, time_step: float, longest: float, *, timeless: bool) -
             depth = leg.end if end else leg.start + share * travel
             duration = (share - begin) * leg.duration if timeless else leg.duration / count
             releases = leg.releases if end else ()
-            yield Tick(time + share * leg.duration, depth, duration, releases)
+            yield TimeStep(time + share * leg.duration, depth, duration, releases)
             begin = share
         time += leg.duration
         following = travels[number + 1] if number + 1 < len(travels) else 0.0

@@ -16,24 +16,24 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.functionals import Trial
-from needlefem.fem.compliance import Responses
-from needlefem.fem.interpolation import OutsideError, Weights
-from needlefem.fem.tissue_model import Model
-from needlefem.insertion.guide import Guide
-from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Snap, Status
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.functionals import ContactTrial
+from needlefem.fem.compliance import ComplianceOperator
+from needlefem.fem.interpolation import LinearFunctionals, OutsideError
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.guide import WarmStart
+from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Rupture, Status
 from needlefem.insertion.state import State
 from needlefem.insertion.tip_solver import (
     MOST_ITERATIONS,
     ROUND_OFF,
     TOLERANCE,
     NoEquilibriumError,
-    Step,
-    StepSolver,
+    TipSolution,
+    TipSolver,
 )
 from needlefem.mesh.surface import TipWatch
-from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Scene
 
 STICK_TOLERANCE = 1e-9
@@ -72,7 +72,7 @@ class _Before(NamedTuple):
     ----------
     path : array, shape (pieces * dim,), N (N/m in 2D)
         Forces on the path.
-    tip : Trial
+    tip : ContactTrial
         Of the tip's kernel, its first functional, in that state.
     at_tip : array, shape (pieces * dim,), m/N
         Axial displacement of this functional for unit forces on the path's pieces.
@@ -81,19 +81,19 @@ class _Before(NamedTuple):
     """
 
     path: Floats
-    tip: Trial
+    tip: ContactTrial
     at_tip: Floats
     tip_moved: float
 
 
-class March:
+class PathFollowing:
     """A monotone insertion.
 
     Parameters
     ----------
-    instrument : Instrument
+    instrument : NeedleInterface
         The needle on its line.
-    responses : Responses
+    responses : ComplianceOperator
         Of K; shared by all marches in the same tissue.
     max_depth : float, m
         Where it ends.
@@ -101,7 +101,7 @@ class March:
         Whether it ends with the last whole piece before, without the part of a piece that is left.
     speed : float, m/s
         Of the needle, which says no more than when states are reached.
-    guide : Guide, optional
+    guide : WarmStart, optional
         What is known from a march nearby.
 
     Attributes
@@ -112,20 +112,20 @@ class March:
 
     def __init__(
         self,
-        instrument: Instrument,
-        responses: Responses,
+        instrument: NeedleInterface,
+        responses: ComplianceOperator,
         max_depth: float,
         *,
         within: bool = False,
         speed: float = np.inf,
-        guide: Guide | None = None,
+        guide: WarmStart | None = None,
     ) -> None:
         self.instrument, self.max_depth, self.within = instrument, max_depth, within
         self._speed = speed
-        self.contact = Contact(responses, instrument.axis.frame)
+        self.contact = CondensedContact(responses, instrument.axis.frame)
         self.outcome = Outcome(Status.STOPPED, "ended before the requested depth")
-        self.snaps: list[Snap] = []
-        self._solver = StepSolver(instrument, self.contact, guide)
+        self.snaps: list[Rupture] = []
+        self._solver = TipSolver(instrument, self.contact, guide)
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
         self._before: _Before | None = None
         self._inside: Vector | None = None
@@ -147,7 +147,7 @@ class March:
             last = self.states[-1]
             self.outcome = LeftTissueError(last.tip, last.depth).outcome
 
-    def result(self, scene: Scene, model: Model) -> Insertion:
+    def result(self, scene: Scene, model: TissueModel) -> Insertion:
         """Return the insertion, as far as it went, of a scene in its tissue."""
         return Insertion(
             scene=scene,
@@ -179,13 +179,13 @@ class March:
             else:
                 yield self._accept(step)
 
-    def _may_fall(self, step: Step) -> bool:
+    def _may_fall(self, step: TipSolution) -> bool:
         """Say whether the depth may have a maximum within a step: it gains little, or less."""
         *_, before, last = self.states
         gained = last.depth - before.depth if len(self.states) > FROM_PUNCTURE else 0.0
         return step.depth - last.depth <= LITTLE * gained
 
-    def _predicted_end(self) -> Step | None:
+    def _predicted_end(self) -> TipSolution | None:
         """Return the step to the requested depth where the step before says how long it will be.
 
         None where the next step may be whole, or where the depth does not go on as it did: then
@@ -209,13 +209,13 @@ class March:
             return None
         return step
 
-    def _solve(self, length: float, depth: float | None = None) -> Step:
+    def _solve(self, length: float, depth: float | None = None) -> TipSolution:
         return self._solver.solve(self.states[-1].tip, length, depth)
 
-    def _length(self, step: Step) -> float:
+    def _length(self, step: TipSolution) -> float:
         return float(np.linalg.norm(step.tip - self.states[-1].tip))
 
-    def _next(self, depth: float | None = None) -> Step:
+    def _next(self, depth: float | None = None) -> TipSolution:
         """Return the step over the next piece, or over a part of it that is in the tissue.
 
         A part is tried as well where no equilibrium is found for the whole.
@@ -249,7 +249,7 @@ class March:
             raise LeftTissueError(place, last.depth + share * (depth - last.depth))
         self._inside = tip
 
-    def _at_max_depth(self, beyond: Step) -> Step:
+    def _at_max_depth(self, beyond: TipSolution) -> TipSolution:
         """Return the step to the requested depth, a part of one that goes beyond it.
 
         Its length is found by inverse interpolation through the last three lengths tried, within
@@ -288,7 +288,7 @@ class March:
         """Press on the entry point until the tip's force is that of cutting."""
         axis = self.instrument.axis
         weights = self.instrument.tip(axis.entry)
-        trial = self.contact.try_functionals(weights)
+        trial = self.contact.trial(weights)
         lateral: Floats = -np.linalg.solve(trial.bare[1:, 1:], trial.bare[1:, 0]).astype(float)
         limit = self.instrument.cutting_force_at(weights)
         depth = limit * float(trial.bare[0, 0] + trial.bare[0, 1:] @ lateral)
@@ -307,7 +307,7 @@ class March:
             largest = f"the largest depth, {100.0 * self.max_depth:.4g} cm"
             sentence = f"the skin is cut at {100.0 * depth:.4g} cm, beyond {largest}"
             raise _StopError(Status.NOT_PUNCTURED, sentence)
-        self.contact.adopt(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
+        self.contact.append_segment(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
         self.states[-1] = dataclasses.replace(
             self.states[-1],
             axial=np.zeros(1),
@@ -318,7 +318,9 @@ class March:
         path = np.append(0.0, limit * lateral)
         self._before = _Before(path, trial, trial.bare[0], depth)
 
-    def _accept(self, step: Step, *, jumping: bool = False, guide: Step | None = None) -> State:
+    def _accept(
+        self, step: TipSolution, *, jumping: bool = False, guide: TipSolution | None = None
+    ) -> State:
         """Make the step's piece part of the path and keep the state.
 
         What the next march begins this step with is another step's where one is given: of the
@@ -332,7 +334,7 @@ class March:
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._before = self._checked(step, forces, lateral, moved)
         self._solver.follow(guide or step)
-        self.contact.adopt(step.trial, 1, step.friction, step.offset, step.compliance)
+        self.contact.append_segment(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(
             State(
@@ -343,15 +345,15 @@ class March:
                 tip_lateral=np.zeros(len(step.lateral)),
                 tip_nodes=weights.nodes,
                 tip_weights=weights.rows[0],
-                axial=self.contact.axial,
-                lateral=np.vstack([lateral, step.lateral]),
-                moved=np.concatenate([moved[:-2], moved[-1:]]),
+                friction_force=self.contact.axial,
+                lateral_force=np.vstack([lateral, step.lateral]),
+                segment_displacement=np.concatenate([moved[:-2], moved[-1:]]),
                 jumping=jumping,
                 time=step.depth / self._speed,
             )
         )
 
-    def _checked(self, step: Step, forces: Floats, lateral: Floats, moved: Floats) -> _Before:
+    def _checked(self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats) -> _Before:
         """End the march where a point of the shaft, or the new piece, does not slip forward.
 
         Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
@@ -360,7 +362,7 @@ class March:
 
         Parameters
         ----------
-        step : Step
+        step : TipSolution
         forces, lateral : array, shape (2 dim,) and (pieces, dim - 1), N (N/m in 2D)
             On the tip and the new piece, and on the path before that, after the step.
         moved : array, shape (pieces + 2, dim), m
@@ -372,15 +374,15 @@ class March:
         """
         last, known, trial = self.states[-1], self._before, step.trial
         assert known is not None
-        dim, count = len(moved[0]), len(last.moved)
+        dim, count = len(moved[0]), len(last.segment_displacement)
         path = np.empty((count + 1, dim))
-        path[:count, 0], path[:count, 1:] = last.axial, lateral
+        path[:count, 0], path[:count, 1:] = last.friction_force, lateral
         path[count] = forces[dim:]
         flat = path.ravel()
         between = trial.loads @ known.tip.response.at(trial.rows)[:, 0]
         was = trial.coupling @ known.path + last.tip_force * between
         travel = step.depth - last.depth
-        slip = travel - moved[1:count, 0] + last.moved[1:, 0]
+        slip = travel - moved[1:count, 0] + last.segment_displacement[1:, 0]
         own = travel - float(moved[-1, 0] - was[dim])
         if own < -STICK_TOLERANCE or slip.min(initial=0.0) < -STICK_TOLERANCE:
             raise _StopError(
@@ -391,18 +393,18 @@ class March:
         tip_moved = float(moved[-2, 0])
         old = travel - float(known.at_tip @ flat[:-dim] + between @ forces) + known.tip_moved
         new = travel - tip_moved + float(was[0])
-        friction = float(last.axial[1:] @ slip) + 0.5 * step.friction * own
+        friction = float(last.friction_force[1:] @ slip) + 0.5 * step.friction * own
         if min(old, new, friction) < 0.0:
             self._check_energy(step, friction, old, new)
         at_tip = np.append(trial.coupling[0], trial.bare[0, dim:])
         return _Before(flat, trial, at_tip, tip_moved)
 
-    def _check_energy(self, step: Step, friction: float, old: float, new: float) -> None:
+    def _check_energy(self, step: TipSolution, friction: float, old: float, new: float) -> None:
         """End the march where friction, cutting or a snap would give energy in a step.
 
         Parameters
         ----------
-        step : Step
+        step : TipSolution
         friction : float, J (J/m in 2D)
             What friction takes.
         old, new : float, m
@@ -422,7 +424,7 @@ class March:
                 "it; path following ends there",
             )
 
-    def _snap(self, peak: Step | None) -> Iterator[State]:
+    def _snap(self, peak: TipSolution | None) -> Iterator[State]:
         """Go on from where depth would fall back: at fixed depth, until the tip holds again."""
         if peak is not None:
             yield self._accept(peak)
@@ -433,10 +435,10 @@ class March:
             step = self._next(depth)
         landing = _root(lambda length: self._solve(length, depth), self._length(step))
         state = self._accept(landing)
-        self.snaps.append(Snap(depth, first, len(self.states) - 1))
+        self.snaps.append(Rupture(depth, first, len(self.states) - 1))
         yield state
 
-    def _peak(self, step: Step) -> Step | None:
+    def _peak(self, step: TipSolution) -> TipSolution | None:
         """Return the step to the largest depth within a step, if that is beyond both its ends."""
         low, high = 0.0, self._length(step)
         ratio, precise = 0.5 * (np.sqrt(5.0) - 1.0), PEAK * high
@@ -455,7 +457,7 @@ class March:
         return best if best.depth > max(self.states[-1].depth, step.depth) else None
 
 
-def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> State:
+def _held(entry: Vector, weights: LinearFunctionals, limit: float, lateral: Floats) -> State:
     """Return the state of a tip that presses on the entry point, about to cut."""
     none = np.zeros((0, len(lateral)))
     return State(
@@ -466,9 +468,9 @@ def _held(entry: Vector, weights: Weights, limit: float, lateral: Floats) -> Sta
         tip_lateral=limit * lateral,
         tip_nodes=weights.nodes,
         tip_weights=weights.rows[0],
-        axial=np.zeros(0),
-        lateral=none,
-        moved=np.zeros((0, len(lateral) + 1)),
+        friction_force=np.zeros(0),
+        lateral_force=none,
+        segment_displacement=np.zeros((0, len(lateral) + 1)),
     )
 
 
@@ -486,7 +488,7 @@ def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
     return sum(parts[1:], parts[0])
 
 
-def _root(solve: Callable[[float], Step], spacing: float) -> Step:
+def _root(solve: Callable[[float], TipSolution], spacing: float) -> TipSolution:
     """Return the step, of length up to `spacing`, in which the excess force is gone."""
     low, high = 1e-3 * spacing, spacing
     for _ in range(60):

@@ -6,50 +6,50 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.friction import Friction
-from needlefem.contact.functionals import Piece, Trial
-from needlefem.fem.compliance import Responses
-from needlefem.fem.interpolation import Weights
-from needlefem.fem.tissue_model import Model
-from needlefem.insertion.account import Account, Spent
-from needlefem.insertion.cut_path import Track
-from needlefem.insertion.events import Chronicle
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.contact.functionals import ContactSegment, ContactTrial
+from needlefem.fem.compliance import ComplianceOperator
+from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.account import EnergyBalance, EnergyIncrement
+from needlefem.insertion.cut_path import CutPath
+from needlefem.insertion.events import EventLog
 from needlefem.insertion.fields import load
 from needlefem.insertion.handover import hand_over
-from needlefem.insertion.moments import extend, free_state, settled
-from needlefem.insertion.path_following import March
-from needlefem.insertion.recent import Recent
+from needlefem.insertion.moments import extend, outside_state, state_from_trial
+from needlefem.insertion.path_following import PathFollowing
+from needlefem.insertion.recent import LeastRecentlyUsed
 from needlefem.insertion.result import Ledger, LeftTissueError
-from needlefem.insertion.state import State, Way
+from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import Field, StepEquations
-from needlefem.insertion.stepfield import Rest, StepField
-from needlefem.insertion.tip_phase import Moment
-from needlefem.insertion.tissue_response import Medium
+from needlefem.insertion.stepfield import ContactField, ZeroField
+from needlefem.insertion.tip_phase import TipTrial
+from needlefem.insertion.tissue_response import TissueResponse
 from needlefem.mesh.surface import TipWatch
-from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.needle_interface import NeedleInterface
 
 AT_SURFACE = 1.0 / 64
 """Distance from the surface ahead, relative to the spacing, at which the tip is there."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Found:
+class StepResult:
     """What a step may end in.
 
     Parameters
     ----------
     state : State
     field : Field
-    spent : Spent
-    moment : Moment, optional
+    spent : EnergyIncrement
+    moment : TipTrial, optional
         None: the needle is not in the tissue.
     """
 
     state: State
     field: Field
-    spent: Spent
-    moment: Moment | None = None
+    spent: EnergyIncrement
+    moment: TipTrial | None = None
 
 
 class Progress:
@@ -57,11 +57,11 @@ class Progress:
 
     Parameters
     ----------
-    instrument : Instrument
-    medium : Medium
+    instrument : NeedleInterface
+    medium : TissueResponse
         The tissue in time.
-    model : Model
-    friction : Friction
+    model : TissueModel
+    friction : SlipWeakeningFriction
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Progress:
         Path length at which the tip is.
     count : int
         States so far.
-    contact : Contact
+    contact : CondensedContact
         Met with the first step's operator.
     spent : (float, float)
         What friction, and what the tip took in the newest step, J (J/m in 2D).
@@ -80,32 +80,38 @@ class Progress:
     """
 
     def __init__(
-        self, instrument: Instrument, medium: Medium, model: Model, friction: Friction
+        self,
+        instrument: NeedleInterface,
+        medium: TissueResponse,
+        model: TissueModel,
+        friction: SlipWeakeningFriction,
     ) -> None:
         self.instrument, self.medium, self.model = instrument, medium, model
         self.friction = friction
-        self.track = Track(instrument)
-        self.pieces: list[Piece] = []
+        self.track = CutPath(instrument)
+        self.pieces: list[ContactSegment] = []
         stiffness = friction.stiffness
         give = instrument.lateral_stiffness / stiffness if stiffness > 0.0 else 0.0
-        self.account = Account(self.pieces, give, inertial=medium.inertial)
-        self.chronicle = Chronicle(self.track, timeless=medium.timeless)
+        self.account = EnergyBalance(self.pieces, give, inertial=medium.inertial)
+        self.chronicle = EventLog(self.track, timeless=medium.timeless)
         self.tip_at_entry = instrument.tip(instrument.axis.entry)
-        self.state = free_state(self.track, self.tip_at_entry, 0.0, 0.0)
+        self.state = outside_state(self.track, self.tip_at_entry, 0.0, 0.0)
         self.spent = (0.0, 0.0)
         self.arc, self.count, self.evaluations = 0.0, 0, 0
-        self.contact: Contact
+        self.contact: CondensedContact
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
-        self._contacts: Recent[Responses, Contact] = Recent()
-        self._field: Field = Rest(model.dim)
+        self._contacts: LeastRecentlyUsed[ComplianceOperator, CondensedContact] = (
+            LeastRecentlyUsed()
+        )
+        self._field: Field = ZeroField(model.dim)
         self._solved: list[StepEquations] = []
 
-    def take_over(self, march: March, speed: float, spent: Ledger) -> None:
+    def take_over(self, march: PathFollowing, speed: float, spent: Ledger) -> None:
         """Go on where a march ended, with all that it has cut.
 
         Parameters
         ----------
-        march : March
+        march : PathFollowing
         speed : float, m/s
             Of the needle on it.
         spent : Ledger
@@ -118,7 +124,7 @@ class Progress:
         self.state, self._field = hand_over(march, self.track, speed)
         self.arc, self.count = self.track.length, len(march.states) - 1
         for state in march.states:
-            self.chronicle.deepen(state)
+            self.chronicle.record_deepest(state)
         stored = self._stored_by_sticking()
         hold, friction = spent.hold + stored, spent.friction - stored
         self.account.begin(dataclasses.replace(spent, hold=hold, friction=friction))
@@ -126,7 +132,7 @@ class Progress:
     def _stored_by_sticking(self) -> float:
         """Return the energy of the tangential penalty, J (J/m in 2D): all of it is at the limit."""
         compliances = np.array([piece.compliance for piece in self.pieces])
-        return 0.5 * self.account.give * float(compliances @ self.state.axial**2)
+        return 0.5 * self.account.give * float(compliances @ self.state.friction_force**2)
 
     def begin(self, duration: float) -> None:
         """Begin a step: meet the tissue's operator, and its motion without the needle."""
@@ -135,11 +141,11 @@ class Progress:
         responses = medium.responses
         if not hasattr(self, "contact") or self.contact.responses is not responses:
             frame = self.instrument.axis.frame
-            self.contact = self._contacts.get(responses, lambda: Contact(responses, frame))
+            self.contact = self._contacts.get(responses, lambda: CondensedContact(responses, frame))
             extend(self.contact, self.pieces)
         self.contact.background = medium.background
         self.contact.swing = medium.swing(self.pieces, self.instrument.axis.direction)
-        self.contact.balance()
+        self.contact.eliminate_lateral()
 
     def equations(self) -> StepEquations:
         """Return the equations of a step from the newest state."""
@@ -149,7 +155,7 @@ class Progress:
 
     # what a step may end in
 
-    def found(self, moment: Moment, time: float) -> Found:
+    def found(self, moment: TipTrial, time: float) -> StepResult:
         """Return a moment as a state, and what the step to it spends.
 
         Raises
@@ -160,11 +166,11 @@ class Progress:
         solution = moment.solution
         if solution is None:
             return self.free(time, moment.depth)
-        if moment.way in (Way.CUTTING, Way.JUMPING):
+        if moment.way in (TipPhase.CUTTING, TipPhase.RUPTURE):
             self.check_inside(solution.position.tip, moment.depth)
             arc = self.track.arcs[-1] + solution.position.length
             moment = dataclasses.replace(moment, arc=arc)
-        state, field = settled(self.contact, self.track, moment, time)
+        state, field = state_from_trial(self.contact, self.track, moment, time)
         return self._weighed(state, field, moment)
 
     def check_inside(self, tip: Vector, depth: float) -> None:
@@ -177,7 +183,7 @@ class Progress:
         depth : float, m
             Of the needle there.
         """
-        front, before = self.track.front, self.state.depth
+        front, before = self.track.crack_front, self.state.depth
         share = self._watch.first_exit(front, tip)
         if share is not None:
             place = front + share * (tip - front)
@@ -191,7 +197,7 @@ class Progress:
         LeftTissueError
             It is at the surface.
         """
-        front, depth, spacing = self.track.front, self.state.depth, self.instrument.spacing
+        front, depth, spacing = self.track.crack_front, self.state.depth, self.instrument.spacing
         direction = self.instrument.axis.direction
         self.check_inside(front + AT_SURFACE * spacing * direction, depth)
         share = self._watch.first_exit(front, front + spacing * direction)
@@ -199,7 +205,7 @@ class Progress:
 
     def left(self) -> LeftTissueError:
         """Return the error of a tip around which no tissue is left."""
-        front, depth = self.track.front, self.state.depth
+        front, depth = self.track.crack_front, self.state.depth
         try:
             self.check_inside(
                 front + self.instrument.spacing * self.instrument.axis.direction, depth
@@ -208,76 +214,78 @@ class Progress:
             return error
         return LeftTissueError(front, depth)
 
-    def free(self, time: float, depth: float) -> Found:
+    def free(self, time: float, depth: float) -> StepResult:
         """Return the state of a needle that is not in the tissue."""
-        self.contact.cover(0)
-        state = free_state(self.track, self.tip_at_entry, time, depth)
-        field = StepField(self.contact, np.zeros(0), None, np.zeros(0))
-        own = Weights(state.tip_nodes, state.tip_weights[None])
+        self.contact.set_active(0)
+        state = outside_state(self.track, self.tip_at_entry, time, depth)
+        field = ContactField(self.contact, np.zeros(0), None, np.zeros(0))
+        own = LinearFunctionals(state.tip_nodes, state.tip_weights[None])
         state = dataclasses.replace(state, tip_moved=float(field.means(own)[0, 0]))
         return self._weighed(state, field)
 
-    def pressing(self, state: State, trial: Trial, forces: Floats) -> Found:
+    def pressing(self, state: State, trial: ContactTrial, forces: Floats) -> StepResult:
         """Return the state of a tip that holds uncut skin with some forces."""
-        return self._weighed(state, StepField(self.contact, np.zeros(0), trial, forces))
+        return self._weighed(state, ContactField(self.contact, np.zeros(0), trial, forces))
 
-    def _weighed(self, state: State, field: Field, moment: Moment | None = None) -> Found:
+    def _weighed(self, state: State, field: Field, moment: TipTrial | None = None) -> StepResult:
         fields = (self._field, field)
         spent = self.account.weigh(self.state, state, fields, self.track.length)
-        return Found(state, field, spent, moment)
+        return StepResult(state, field, spent, moment)
 
     # what it ends in
 
-    def accept(self, found: Found) -> State:
+    def accept(self, found: StepResult) -> State:
         """Make what was found the state; the tissue takes its forces in the step that has begun."""
         track, moment = self.track, found.moment
         if moment is None:
-            track.remember(np.zeros(0), np.zeros(0))
+            track.store(np.zeros(0), np.zeros(0))
             self.arc = 0.0
             return self._keep(found)
         solution, state = moment.solution, found.state
         assert solution is not None
-        assert state.end is not None
-        ahead = moment.way in (Way.CUTTING, Way.JUMPING)
+        assert state.partial_segment is not None
+        ahead = moment.way in (TipPhase.CUTTING, TipPhase.RUPTURE)
         if ahead:
-            track.front = solution.position.tip
-        track.remember(state.axial, solution.slipped)
+            track.crack_front = solution.position.tip
+        track.store(state.friction_force, solution.slipped)
         self._keep(found)
         self.arc = moment.arc
         long = solution.position.length >= (1.0 - 1e-9) * self.instrument.spacing
         if ahead and (long or moment.whole):
-            end, trial = state.end, solution.position.trial
-            self.contact.adopt(trial, 1, float(state.axial[-1]), end.offset, end.compliance)
+            end, trial = state.partial_segment, solution.position.trial
+            self.contact.append_segment(
+                trial, 1, float(state.friction_force[-1]), end.offset, end.compliance
+            )
             self.pieces.append(end)
             track.extend(float(solution.position.kinetic[-1]))
         return self.state
 
     def release(self, names: Sequence[str]) -> State:
         """Let the tip let go of something; return the state with it."""
-        world = self.instrument.axis.tip(self.state.depth)
+        world = self.instrument.axis.tip_position(self.state.depth)
         for name in names:
             self.chronicle.release(name, self.state, world)
-        seeds = self.chronicle.places(self._field)
+        seeds = self.chronicle.seed_positions(self._field)
         self.state = dataclasses.replace(self.state, seeds=seeds)
         return self.state
 
-    def puncture(self, trial: Trial, count: int) -> None:
+    def puncture(self, trial: ContactTrial, count: int) -> None:
         """Cut the skin: the entry point becomes the path's first piece, without friction.
 
         Parameters
         ----------
-        trial : Trial
+        trial : ContactTrial
             Of the tip's kernel there.
         count : int
             Lateral directions.
         """
-        self.contact.adopt(trial, 0, 0.0, np.zeros(count), 0.0)
+        self.contact.append_segment(trial, 0, 0.0, np.zeros(count), 0.0)
         self.pieces.append(self.contact.pieces[-1])
 
-    def _keep(self, found: Found) -> State:
+    def _keep(self, found: StepResult) -> State:
         old, state = self.state, found.state
         if self.chronicle.seeds:
-            state = dataclasses.replace(state, seeds=self.chronicle.places(found.field))
+            state = dataclasses.replace(state, seeds=self.chronicle.seed_positions(found.field))
         self.account.add(found.spent)
         self.spent = (found.spent.friction, found.spent.tip)
         self.state, self._field = state, found.field
@@ -286,6 +294,6 @@ class Progress:
         self._solved.clear()
         self.medium.finish(load(self.model, self.instrument.axis.frame, state, self.pieces))
         self.account.set_tissue(self.medium.energies())
-        self.chronicle.deepen(state)
-        self.chronicle.tell(old, state, self.spent)
+        self.chronicle.record_deepest(state)
+        self.chronicle.record_transitions(old, state, self.spent)
         return state

@@ -11,7 +11,7 @@ MOST = 8
 """Operators kept: those of the motion's legs, and of some halvings of their steps."""
 
 
-class Recent(Generic[Key, Value]):
+class LeastRecentlyUsed(Generic[Key, Value]):
     """A few values by their key; the one not asked for longest goes first."""
 
     def __init__(self) -> None:

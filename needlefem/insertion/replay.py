@@ -14,10 +14,10 @@ from needlefem._arrays import Floats, Ints
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.steppers import StaticStepper, at_rest
 from needlefem.errors import SimulationError
-from needlefem.fem.interpolation import Weights
+from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.fields import load
-from needlefem.insertion.inertia import dynamic_medium
-from needlefem.insertion.recent import Recent
+from needlefem.insertion.inertia import dynamic_response
+from needlefem.insertion.recent import LeastRecentlyUsed
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
 from needlefem.scene.discretization import DYNAMIC
@@ -67,9 +67,9 @@ def gone_through(insertion: Insertion, numbers: Ints) -> Floats:
 def _compare(insertion: Insertion, state: State, moved: Floats) -> None:
     """Raise a `SimulationError` if a displacement is not that of a state."""
     nodal = insertion.model.nodal(moved)
-    tip = Weights(state.tip_nodes, state.tip_weights[None]).of(nodal)[0]
-    apart = abs(float(tip @ insertion.axis.direction) - state.tip_moved)
-    if apart > SAME * max(float(np.abs(nodal).max()), abs(state.tip_moved)):
+    tip = LinearFunctionals(state.tip_nodes, state.tip_weights[None]).of(nodal)[0]
+    apart = abs(float(tip @ insertion.axis.direction) - state.tip_displacement)
+    if apart > SAME * max(float(np.abs(nodal).max()), abs(state.tip_displacement)):
         raise SimulationError(
             "the displacement of tissue that depends on time can't be found again: keep all "
             "states of the insertion"
@@ -78,7 +78,7 @@ def _compare(insertion: Insertion, state: State, moved: Floats) -> None:
 
 def _swung(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
     """Yield what tissue with inertia does, shape (free dofs,), m."""
-    medium = dynamic_medium(insertion.scene, insertion.model)
+    medium = dynamic_response(insertion.scene, insertion.model)
     now = np.zeros(len(insertion.model.free_dofs))
     for duration, force in steps:
         if duration > 0.0:
@@ -93,7 +93,7 @@ def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
     """Yield what tissue with a memory does, shape (free dofs,), m."""
     model, system = insertion.model, TissueSystem(insertion.model)
     start = motion = at_rest(system)
-    steppers: Recent[str, StaticStepper] = Recent()
+    steppers: LeastRecentlyUsed[str, StaticStepper] = LeastRecentlyUsed()
     stepper: StaticStepper | None = None
     for duration, force in steps:
         if duration > 0.0:

@@ -7,14 +7,14 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Floats, Points, Vector
-from needlefem.contact.functionals import Piece
+from needlefem.contact.functionals import ContactSegment
 from needlefem.errors import SimulationError
-from needlefem.fem.interpolation import Weights
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.state import State
 from needlefem.mesh.entry import place_text
-from needlefem.needle.insertion_axis import Axis
-from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Scene
 
 
@@ -105,7 +105,7 @@ class Seed:
     shortcut : array, shape (dim,), m
         Material that was at the tip at the same depth on the way in: what one would take for it
         without simulating the retraction.
-    weights : Weights
+    weights : LinearFunctionals
         The mean displacement of what it lies in is ``weights.of(field)``.
     inside : bool
         Whether the tip was in the tissue.
@@ -116,12 +116,12 @@ class Seed:
     released_at: Vector
     point: Vector
     shortcut: Vector
-    weights: Weights
+    weights: LinearFunctionals
     inside: bool
 
 
 @dataclasses.dataclass(frozen=True)
-class Snap:
+class Rupture:
     """A stretch of material that the tip jumped over at one depth.
 
     `first` and `last` number the states before and after the jump.
@@ -183,18 +183,18 @@ class Insertion:
     ----------
     scene : Scene
         Resolved.
-    model : Model
+    model : TissueModel
         The tissue.
-    instrument : Instrument
+    instrument : NeedleInterface
         The needle on its line.
     outcome : Outcome
         How it ended; the path so far is there whatever the status.
     states : tuple of State
         From the first touch on.
-    pieces : tuple of Piece
+    pieces : tuple of ContactSegment
         Of the cut path, in the order of their numbers in the states. The first is the held entry
         point.
-    snaps : tuple of Snap
+    snaps : tuple of Rupture
     evaluations : int
         Contact evaluations spent.
     events : tuple of Event
@@ -205,19 +205,19 @@ class Insertion:
     """
 
     scene: Scene
-    model: Model
-    instrument: Instrument
+    model: TissueModel
+    instrument: NeedleInterface
     outcome: Outcome
     states: tuple[State, ...]
-    pieces: tuple[Piece, ...]
-    snaps: tuple[Snap, ...]
+    pieces: tuple[ContactSegment, ...]
+    snaps: tuple[Rupture, ...]
     evaluations: int
     events: tuple[Event, ...] = ()
     seeds: tuple[Seed, ...] = ()
     energies: Ledger | None = None
 
     @property
-    def axis(self) -> Axis:
+    def axis(self) -> InsertionAxis:
         """The needle's line."""
         return self.instrument.axis
 
@@ -241,6 +241,6 @@ class Insertion:
     def first_cut(self) -> int | None:
         """Number of the state in which the skin is cut, or None."""
         for number, state in enumerate(self.states):
-            if len(state.axial) or state.tip_force >= state.cutting_force:
+            if len(state.friction_force) or state.tip_force >= state.cutting_force:
                 return number
         return None

@@ -14,29 +14,29 @@ from needlefem.checks.insertion_checks import needle_resolution
 from needlefem.checks.mesh_checks import preflight
 from needlefem.checks.result import CheckResult, refuse_failed
 from needlefem.errors import CaseError
-from needlefem.fem.compliance import Responses
+from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.condensation import Corridor
-from needlefem.fem.tissue_model import Model
-from needlefem.insertion.guide import Guide
-from needlefem.insertion.insertion_run import Course
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.guide import WarmStart
+from needlefem.insertion.insertion_run import InsertionRun
 from needlefem.insertion.motion_schedule import deepest
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
-from needlefem.insertion.tissue_response import ElasticMedium, Medium, responses_of
+from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse, responses_of
 from needlefem.materials import branches_of
 from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.mesh.entry import Entry, check_entry, entry_along, entry_at
 from needlefem.mesh.generation import BACKGROUND
-from needlefem.needle.insertion_axis import Axis
-from needlefem.needle.needle_interface import Instrument
-from needlefem.needle.tip_kernel import DiscKernel, Kernel, PointKernel, cross_section
+from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import NeedleInterface
+from needlefem.needle.tip_kernel import Kernel, PointKernel, TipKernel, cross_section
 from needlefem.scene import DYNAMIC, Motion, Scene
 from needlefem.scene.build import build_model
 from needlefem.scene.limits import check_scene
 from needlefem.scene.resolve import Resolved, resolve, stick_warnings
 
 if TYPE_CHECKING:  # a march does without what sticks in time steps
-    from needlefem.contact.friction import Friction
+    from needlefem.contact.friction import SlipWeakeningFriction
     from needlefem.insertion.sticking import Sticking
 
 Stop = Callable[[State], bool]
@@ -57,7 +57,7 @@ class Simulation:
     ----------
     scene : Scene
         As read; it is resolved here.
-    model : Model, optional
+    model : TissueModel, optional
         The scene's discretised tissue, when it is there already.
     watch : callable, optional
         Called with every state of every insertion.
@@ -69,7 +69,7 @@ class Simulation:
     """
 
     def __init__(
-        self, scene: Scene, model: Model | None = None, watch: Watch | None = None
+        self, scene: Scene, model: TissueModel | None = None, watch: Watch | None = None
     ) -> None:
         self._watch = watch
         self.resolved: Resolved = resolve(scene)
@@ -82,7 +82,7 @@ class Simulation:
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
         self._checks: dict[tuple[float, ...], tuple[CheckResult, ...]] = {}
-        self._guide: Guide | None = None
+        self._guide: WarmStart | None = None
         self._sticking: Sticking | None = None
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
@@ -159,7 +159,7 @@ class Simulation:
         return self._checks[key]
 
     @cached_property
-    def responses(self) -> Responses:
+    def responses(self) -> ComplianceOperator:
         """Responses of the tissue, shared by all insertions."""
         return responses_of(self.model, corridor=self._corridor())
 
@@ -255,24 +255,24 @@ class Simulation:
             self._sticking = sticking(self.scene.needle, needle, self.responses, reach)
         return self._sticking
 
-    def friction(self, entry: Entry) -> "Friction":
+    def friction(self, entry: Entry) -> "SlipWeakeningFriction":
         """Return the friction law of a needle that is stepped in time."""
-        from needlefem.contact.friction import Friction  # noqa: PLC0415
+        from needlefem.contact.friction import SlipWeakeningFriction  # noqa: PLC0415
 
         needle = self.scene.needle
         stiffness = self.sticking(entry).stiffness
-        return Friction(needle.static_friction, needle.weakening_length, stiffness)
+        return SlipWeakeningFriction(needle.static_friction, needle.weakening_length, stiffness)
 
-    def instrument(self, entry: Entry) -> Instrument:
+    def instrument(self, entry: Entry) -> NeedleInterface:
         """Return the needle on the line that starts at an entry."""
         needle, numbers = self.scene.needle, self.scene.discretisation
         radius, points = needle.tip_radius, numbers.kernel_points
-        kernel: Kernel = DiscKernel(radius, points, entry.point, entry.inward)
+        kernel: Kernel = TipKernel(radius, points, entry.point, entry.inward)
         section = cross_section(radius, points, self.model.dim)
         if needle.tip == "point":
             kernel, section = PointKernel(self.model.dim), cross_section(0.0, 1, self.model.dim)
-        return Instrument(
-            axis=Axis(entry.point, self.direction),
+        return NeedleInterface(
+            axis=InsertionAxis(entry.point, self.direction),
             kernel=kernel,
             interpolation=self.model.interpolation,
             cutting_force=self.cutting_force,
@@ -304,31 +304,31 @@ class Simulation:
         """Let the needle do at an entry all that the scene's motion says."""
         return self._run(self.course(entry), None)
 
-    def course(self, entry: Entry, motion: Motion | None = None) -> Course:
+    def course(self, entry: Entry, motion: Motion | None = None) -> InsertionRun:
         """Return a motion of the needle, the scene's when left out, ready to run."""
         needle, motion = self.instrument(entry), motion or self.scene.motion
-        guide = Guide(entry.point)
+        guide = WarmStart(entry.point)
         if self._guide is not None:
             guide = self._guide.beside(entry.point, self.scene.needle.tip_radius)
         self._guide = guide
         friction = partial(self.friction, entry)
-        return Course(
+        return InsertionRun(
             self.scene, motion, needle, self._medium(), self.model, friction=friction, guide=guide
         )
 
-    def _medium(self) -> Medium:
+    def _medium(self) -> TissueResponse:
         """Return the tissue in time; what has inertia or a memory is imported with it."""
         if self.scene.discretisation.integrator in DYNAMIC:
-            from needlefem.insertion.inertia import dynamic_medium  # noqa: PLC0415
+            from needlefem.insertion.inertia import dynamic_response  # noqa: PLC0415
 
-            return dynamic_medium(self.scene, self.model)
+            return dynamic_response(self.scene, self.model)
         if self._memory:
-            from needlefem.insertion.viscous import ViscoelasticMedium  # noqa: PLC0415
+            from needlefem.insertion.viscous import ViscoelasticResponse  # noqa: PLC0415
 
-            return ViscoelasticMedium(self.model)
-        return ElasticMedium(self.responses)
+            return ViscoelasticResponse(self.model)
+        return ElasticResponse(self.responses)
 
-    def _run(self, course: Course, stop: Stop | None) -> Insertion:
+    def _run(self, course: InsertionRun, stop: Stop | None) -> Insertion:
         states = []
         doing(f"insertion {self.insertions + 1}")
         for state in course.iterate():

@@ -5,32 +5,34 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.functionals import Trial
-from needlefem.fem.interpolation import Weights
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.functionals import ContactTrial
+from needlefem.fem.interpolation import LinearFunctionals
 
 CLOSE = 1e-9
 """Force at a step's end, to this part of that at its other end, that is none."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Touch:
+class SkinContact:
     """The forces (N, N/m in 2D) of a tip that holds the entry point at a depth (m)."""
 
-    trial: Trial
+    trial: ContactTrial
     depth: float
     forces: Floats
     punctured: bool
 
 
-def touch(contact: Contact, weights: Weights, limit: float, depths: tuple[float, float]) -> Touch:
+def press_skin(
+    contact: CondensedContact, weights: LinearFunctionals, limit: float, depths: tuple[float, float]
+) -> SkinContact:
     """Press on the entry point, to a depth, or until the skin is cut, left or met.
 
     Parameters
     ----------
-    contact : Contact
+    contact : CondensedContact
         Without a path.
-    weights : Weights
+    weights : LinearFunctionals
         The tip's kernel at the entry point.
     limit : float, N (N/m in 2D)
         Force at which it cuts.
@@ -38,7 +40,7 @@ def touch(contact: Contact, weights: Weights, limit: float, depths: tuple[float,
         At the step's start, where the force is lower, and at its end; the same: the step can't
         be cut where the skin is.
     """
-    trial, (start, depth) = contact.try_functionals(weights), depths
+    trial, (start, depth) = contact.trial(weights), depths
     forces = holding(contact, trial, depth)
     if depth != start:
         first = holding(contact, trial, start)
@@ -51,10 +53,10 @@ def touch(contact: Contact, weights: Weights, limit: float, depths: tuple[float,
         elif first[0] * forces[0] < 0.0 and min(abs(first[0]), abs(forces[0])) > small:
             depth -= float(forces[0] / per_depth)
             forces = np.zeros_like(forces)
-    return Touch(trial, depth, forces, bool(forces[0] >= limit))
+    return SkinContact(trial, depth, forces, bool(forces[0] >= limit))
 
 
-def holding(contact: Contact, trial: Trial, depth: float) -> Floats:
+def holding(contact: CondensedContact, trial: ContactTrial, depth: float) -> Floats:
     """Return the forces that hold the material of a trial at the tip, pulling or pushing.
 
     Shape (dim,), N (N/m in 2D).

@@ -10,11 +10,11 @@ through or not at all, so that friction and cutting do no work over a gap.
 from collections.abc import Callable
 
 from needlefem.insertion.broyden import root_between
-from needlefem.insertion.motion_schedule import Tick
+from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.progress import Progress
 from needlefem.insertion.skin import holding
-from needlefem.insertion.state import State, Way
-from needlefem.insertion.tip_phase import attempt
+from needlefem.insertion.state import State, TipPhase
+from needlefem.insertion.tip_phase import trial_step
 
 FINE = 1e-4
 """Part of a step to which the time of a crossing is found."""
@@ -24,7 +24,7 @@ BISECTIONS = 8
 """Of a step at whose end tissue that friction dragged along has sprung off the needle."""
 
 
-def crossing_of_uncut_skin(progress: Progress, tick: Tick) -> float:
+def crossing_of_uncut_skin(progress: Progress, tick: TimeStep) -> float:
     """Return when in a step the tip leaves or meets the uncut skin, as a share of the step.
 
     1: not before its end. A step of all its duration has begun, also afterwards.
@@ -33,17 +33,17 @@ def crossing_of_uncut_skin(progress: Progress, tick: Tick) -> float:
 
     def force(depth: float) -> float:
         contact = progress.contact
-        return float(holding(contact, contact.try_functionals(weights), depth)[0])
+        return float(holding(contact, contact.trial(weights), depth)[0])
 
-    if now.way is Way.OUT:
-        trial = progress.contact.try_functionals(weights)
+    if now.tip_phase is TipPhase.OUTSIDE:
+        trial = progress.contact.trial(weights)
         first = -_outside(now) / float(trial.bare[0, 0])
     else:
         first = now.tip_force
     return _crossing(progress, tick, first, force)
 
 
-def crossing_on_path(progress: Progress, tick: Tick) -> float:
+def crossing_on_path(progress: Progress, tick: TimeStep) -> float:
     """Return when in a step the tip leaves its path at the skin or enters it, as a share of it.
 
     1: not before its end. A step of all its duration has begun, also afterwards.
@@ -52,16 +52,16 @@ def crossing_on_path(progress: Progress, tick: Tick) -> float:
 
     def gap(depth: float) -> float:
         equations = progress.equations()
-        return equations.solve(equations.at_arc(0.0), depth, 0.0, 0.0).gap
+        return equations.solve(equations.at_arc(0.0), depth, 0.0, 0.0).axial_gap
 
-    first = _outside(now) if now.way is Way.OUT else -now.covered
+    first = _outside(now) if now.tip_phase is TipPhase.OUTSIDE else -now.inserted_length
     share = _crossing(progress, tick, first, gap)
-    if now.way is Way.OUT or share >= 1.0:
+    if now.tip_phase is TipPhase.OUTSIDE or share >= 1.0:
         return share
     low, high = share, 1.0  # is it out there, or held on to by tissue that it drags along?
     for _ in range(BISECTIONS):
         depth = _begun(progress, tick, share)
-        if attempt(progress.equations(), now.way, arc, depth).way is Way.OUT:
+        if trial_step(progress.equations(), now.tip_phase, arc, depth).way is TipPhase.OUTSIDE:
             high = share
             if share == low:
                 break
@@ -74,10 +74,10 @@ def crossing_on_path(progress: Progress, tick: Tick) -> float:
 
 def _outside(state: State) -> float:
     """Return how far outside the entry point a tip is that touches nothing, m."""
-    return state.tip_moved - state.depth
+    return state.tip_displacement - state.depth
 
 
-def _begun(progress: Progress, tick: Tick, share: float) -> float:
+def _begun(progress: Progress, tick: TimeStep, share: float) -> float:
     """Begin a step of a share of the tick's duration; return the depth at its end, m."""
     now = progress.state
     progress.begin(tick.duration if share == 1.0 else share * (tick.time - now.time))
@@ -85,7 +85,7 @@ def _begun(progress: Progress, tick: Tick, share: float) -> float:
 
 
 def _crossing(
-    progress: Progress, tick: Tick, first: float, measure: Callable[[float], float]
+    progress: Progress, tick: TimeStep, first: float, measure: Callable[[float], float]
 ) -> float:
     """Return the share of a step at which a measure of depth, in a step as long, changes sign."""
 

@@ -7,17 +7,17 @@ from enum import StrEnum
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
-from needlefem.contact.functionals import Piece
+from needlefem.contact.functionals import ContactSegment
 
 
-class Way(StrEnum):
+class TipPhase(StrEnum):
     """What the tip does."""
 
-    PRESSING = "pressing"
+    LOADING = "pressing"
     CUTTING = "cutting"
-    JUMPING = "jumping"
-    WITHDRAWN = "withdrawn"
-    OUT = "out"
+    RUPTURE = "jumping"
+    RETRACTED = "withdrawn"
+    OUTSIDE = "out"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,25 +40,25 @@ class State:
         Lateral force of the tip, which only a tip that holds its point has.
     tip_nodes, tip_weights : arrays, shape (k,)
         The kernel's mean displacement is ``tip_weights @ u[tip_nodes]``.
-    axial : array, shape (npieces,), N (N/m in 2D)
+    friction_force : array, shape (npieces,), N (N/m in 2D)
         Friction force of the shaft on every piece of the path.
-    lateral : array, shape (npieces, dim - 1), N (N/m in 2D)
+    lateral_force : array, shape (npieces, dim - 1), N (N/m in 2D)
         Lateral force of the shaft on every piece.
-    moved : array, shape (npieces, dim), m
+    segment_displacement : array, shape (npieces, dim), m
         Mean displacement of the pieces, in the needle's frame.
     jumping : bool
         The tip is running ahead at fixed depth: this state can't be held.
     time : float, s
         From the first touch on.
-    covered : float, m
+    inserted_length : float, m
         Length of the cut path that the needle lies in.
-    end : Piece, optional
+    partial_segment : ContactSegment, optional
         The piece that the tip is in, which the needle fills in part: the last of the pieces.
     slipping : array, shape (npieces,)
         1: the needle slips forward in the piece, -1: backward, 0: they stick.
-    way : Way
+    tip_phase : TipPhase
         What the tip does: it presses on the crack front, cuts, or is drawn back on its path.
-    tip_moved : float, m
+    tip_displacement : float, m
         Axial mean displacement over the tip's kernel.
     seeds : array, shape (nseeds, dim), m
         Where everything released so far is in the world.
@@ -71,29 +71,29 @@ class State:
     tip_lateral: Floats
     tip_nodes: Ints
     tip_weights: Floats
-    axial: Floats
-    lateral: Floats
-    moved: Floats
+    friction_force: Floats
+    lateral_force: Floats
+    segment_displacement: Floats
     jumping: bool = False
     time: float = 0.0
-    covered: float = 0.0
-    end: Piece | None = None
+    inserted_length: float = 0.0
+    partial_segment: ContactSegment | None = None
     slipping: Ints | None = None
-    way: Way = Way.CUTTING
-    tip_moved: float = 0.0
+    tip_phase: TipPhase = TipPhase.CUTTING
+    tip_displacement: float = 0.0
     seeds: Points = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
-    def whole(self) -> int:
+    def full_segments(self) -> int:
         """Number of pieces that the needle fills."""
-        return len(self.axial) - (self.end is not None)
+        return len(self.friction_force) - (self.partial_segment is not None)
 
-    def filled(self, pieces: Sequence[Piece]) -> tuple[Piece, ...]:
+    def filled(self, pieces: Sequence[ContactSegment]) -> tuple[ContactSegment, ...]:
         """Return the pieces that the needle lies in, of those of the whole path."""
-        whole = tuple(pieces[: self.whole])
-        return whole if self.end is None else (*whole, self.end)
+        whole = tuple(pieces[: self.full_segments])
+        return whole if self.partial_segment is None else (*whole, self.partial_segment)
 
     @property
     def force(self) -> float:
         """Axial force on the needle, N (N/m in 2D)."""
-        return self.tip_force + float(np.sum(self.axial))
+        return self.tip_force + float(np.sum(self.friction_force))

@@ -11,12 +11,12 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.friction import Friction, Rub
-from needlefem.contact.functionals import Sliding, Trial
-from needlefem.contact.shaft_equations import Shaft
-from needlefem.fem.interpolation import Weights
-from needlefem.insertion.cut_path import Track
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
+from needlefem.contact.functionals import AxialCompliance, ContactTrial
+from needlefem.contact.shaft_equations import ShaftEquations
+from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.state import State
 
 TOLERANCE = 1e-12
@@ -26,13 +26,13 @@ TOLERANCE = 1e-12
 class Field(Protocol):
     """The tissue's displacement at one time."""
 
-    def means(self, weights: Weights) -> Floats:
+    def means(self, weights: LinearFunctionals) -> Floats:
         """Return functionals of it in the needle's frame, shape (nrows, dim), m."""
         ...
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Position:
+class TipPosition:
     """A place of the tip in the material, and the equations there.
 
     Parameters
@@ -42,8 +42,8 @@ class Position:
         Number of pieces that the needle fills.
     length : float, m
         Of the piece that the tip is in.
-    trial : Trial
-    shaft : Shaft
+    trial : ContactTrial
+    shaft : ShaftEquations
     before : array, shape (whole + 1,), m
         Axial displacement of the pieces, the tip's one among them, at the step's start.
     kinetic : array, shape (whole + 1,), N (N/m in 2D)
@@ -54,20 +54,20 @@ class Position:
     tip: Vector
     whole: int
     length: float
-    trial: Trial
-    shaft: Shaft
+    trial: ContactTrial
+    shaft: ShaftEquations
     before: Floats
     kinetic: Floats
     cutting_force: float
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Solution:
+class StepSolution:
     """Forces at a position of the tip for one depth of the needle.
 
     Parameters
     ----------
-    position : Position
+    position : TipPosition
     depth : float, m
     forces : array, shape (whole + 2,), N (N/m in 2D)
         Friction of the pieces, then the tip's axial force.
@@ -81,13 +81,13 @@ class Solution:
         Lateral distance of that material from the axis.
     """
 
-    position: Position
+    position: TipPosition
     depth: float
     forces: Floats
     slip: Floats
     slipped: Floats
-    gap: float
-    beside: Floats
+    axial_gap: float
+    lateral_gap: Floats
 
     @property
     def tip_force(self) -> float:
@@ -95,7 +95,7 @@ class Solution:
         return float(self.forces[-1])
 
     @property
-    def excess(self) -> float:
+    def excess_cutting_force(self) -> float:
         """Force of the tip beyond that of cutting."""
         return self.tip_force - self.position.cutting_force
 
@@ -105,9 +105,9 @@ class StepEquations:
 
     Parameters
     ----------
-    contact : Contact
-    track : Track
-    friction : Friction
+    contact : CondensedContact
+    track : CutPath
+    friction : SlipWeakeningFriction
     start : State
         At the step's start.
     field : Field
@@ -115,69 +115,85 @@ class StepEquations:
     """
 
     def __init__(
-        self, contact: Contact, track: Track, friction: Friction, start: State, field: Field
+        self,
+        contact: CondensedContact,
+        track: CutPath,
+        friction: SlipWeakeningFriction,
+        start: State,
+        field: Field,
     ) -> None:
         self.contact, self.track, self.friction = contact, track, friction
-        self.depth, self._moved, self._field = start.depth, start.moved[: start.whole], field
+        self.depth, self._moved, self._field = (
+            start.depth,
+            start.segment_displacement[: start.full_segments],
+            field,
+        )
         self.instrument = track.instrument
         self.evaluations = 0
-        self._slidings: dict[int, tuple[Sliding, Floats]] = {}
-        self._front: Position | None = None
+        self._slidings: dict[int, tuple[AxialCompliance, Floats]] = {}
+        self._front: TipPosition | None = None
         self._guess: Floats | None = None
-        self._partly = None if start.end is None else (start.whole, start.end.compliance)
+        self._partly = (
+            None
+            if start.partial_segment is None
+            else (start.full_segments, start.partial_segment.compliance)
+        )
         self._slid = np.zeros(0) if start.slipping is None else start.slipping
-        self._same = same = start.whole
-        if same < min(track.count, len(start.axial)) and track.arcs[same] <= start.covered:
+        self._same = same = start.full_segments
+        if (
+            same < min(track.count, len(start.friction_force))
+            and track.arcs[same] <= start.inserted_length
+        ):
             self._same += 1  # the piece that grew is whole
 
     # positions
 
-    def at_arc(self, arc: float) -> Position:
+    def at_arc(self, arc: float) -> TipPosition:
         """Return the equations with the tip at a length of the path."""
         whole, tip = self.track.at(arc)
         return self.at_point(tip, whole)
 
-    def front(self) -> Position:
+    def front(self) -> TipPosition:
         """Return the equations with the tip at the crack front."""
         if self._front is None:
-            self._front = self.at_point(self.track.front, self.track.count)
+            self._front = self.at_point(self.track.crack_front, self.track.count)
         elif self.contact.covered != self.track.count:
-            self.contact.cover(self.track.count)
+            self.contact.set_active(self.track.count)
         return self._front
 
-    def at_point(self, tip: Vector, whole: int) -> Position:
+    def at_point(self, tip: Vector, whole: int) -> TipPosition:
         """Return the equations with the tip at a material point, in the piece after `whole`."""
         self.evaluations += 1
         contact, instrument, axis = self.contact, self.instrument, self.instrument.axis
         if contact.covered != whole:
-            contact.cover(whole)
+            contact.set_active(whole)
         last = self.track.vertices[whole - 1]
         weights = instrument.tip_and_piece(tip, last)
-        trial = contact.try_functionals(weights)
+        trial = contact.trial(weights)
         length = float(np.linalg.norm(tip - last))
         sliding, before = self._sliding(whole)
-        offset = axis.offset(0.5 * (tip + last))
+        offset = axis.lateral_offset(0.5 * (tip + last))
         stiffness = instrument.lateral_stiffness * length
-        own = self._field.means(Weights(weights.nodes, weights.rows[1:]))[0, 0]
+        own = self._field.means(LinearFunctionals(weights.nodes, weights.rows[1:]))[0, 0]
         friction = instrument.friction_at(weights) * length
-        return Position(
+        return TipPosition(
             tip=tip,
             whole=whole,
             length=length,
             trial=trial,
-            shaft=Shaft.build(contact, sliding, trial, offset, stiffness),
+            shaft=ShaftEquations.build(contact, sliding, trial, offset, stiffness),
             before=np.append(before, own),
             kinetic=np.append(self.track.kinetic[:whole], friction),
             cutting_force=instrument.cutting_force_at(weights),
         )
 
-    def _sliding(self, whole: int) -> tuple[Sliding, Floats]:
+    def _sliding(self, whole: int) -> tuple[AxialCompliance, Floats]:
         """Return the covered pieces' equations, and their axial displacement at the start."""
         if whole not in self._slidings:
             known = self._moved[:whole, 0]
             fresh = self.contact.pieces[len(known) : whole]
             more = [
-                self._field.means(Weights(piece.nodes, piece.weights[None]))[0, 0]
+                self._field.means(LinearFunctionals(piece.nodes, piece.weights[None]))[0, 0]
                 for piece in fresh
             ]
             self._slidings[whole] = (self.contact.sliding(), np.append(known, more))
@@ -200,14 +216,14 @@ class StepEquations:
         found[:same] = share * slid * np.maximum(late, 0.0)
         return found
 
-    def _kept(self, position: Position) -> Floats:
+    def _kept(self, position: TipPosition) -> Floats:
         """Return the friction forces at the step's start on what the needle still lies in then.
 
         Sticking that gives way is stretched by the force per length, which stays as it was where
         the tip is drawn back in a piece; material that it cuts anew carries none.
         """
         whole, track = position.whole, self.track
-        found = track.pull[: whole + 1]
+        found = track.friction_force[: whole + 1]
         if self.friction.stiffness > 0.0:
             length = track.arcs[whole] - track.arcs[whole - 1] if whole < track.count else 0.0
             if self._partly is not None and self._partly[0] == whole:
@@ -219,14 +235,14 @@ class StepEquations:
 
     # forces at a position
 
-    def solve(self, position: Position, depth: float, low: float, high: float) -> Solution:
+    def solve(self, position: TipPosition, depth: float, low: float, high: float) -> StepSolution:
         """Solve for friction, and for the tip's force between bounds."""
         axis, whole, track = self.instrument.axis, position.whole, self.track
         ends = np.diff(track.arcs[:whole], prepend=0.0)
-        rub = Rub(
+        rub = FrictionStep(
             friction=self.friction,
             kinetic=position.kinetic,
-            slipped=track.slipped[: whole + 1],
+            slipped=track.slip_since_stick[: whole + 1],
             travel=position.before + (depth - self.depth),
             old=self._kept(position),
             lengths=np.append(ends, position.length),
@@ -235,12 +251,12 @@ class StepEquations:
         start = np.append(rub.old, min(max(0.0, low), high))
         if self._guess is not None:
             start = _resized(self._guess, start)
-        shaft, tip = position.shaft, (low, high, depth - float(axis.along(position.tip)))
+        shaft, tip = position.shaft, (low, high, depth - float(axis.axial_coordinate(position.tip)))
         forces, slip, apart = rub.solve(shaft.compliance, shaft.free, start, tip)
         self._guess = forces
-        beside = axis.offset(position.tip) + shaft.beside(forces)
+        beside = axis.lateral_offset(position.tip) + shaft.beside(forces)
         gap = -float(apart[-1])
-        return Solution(position, depth, forces, slip, rub.after(slip), gap, beside)
+        return StepSolution(position, depth, forces, slip, rub.after(slip), gap, beside)
 
 
 def _resized(guess: Floats, like: Floats) -> Floats:

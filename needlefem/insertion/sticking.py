@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from needlefem.checks.result import CheckResult
-from needlefem.contact.friction import Friction, stick_condition
-from needlefem.contact.straight_contact import straight_path
+from needlefem.contact.friction import SlipWeakeningFriction, stick_condition
+from needlefem.contact.straight_contact import straight_contact
 from needlefem.errors import CaseError
-from needlefem.fem.compliance import Responses
-from needlefem.needle.needle_interface import Instrument
+from needlefem.fem.compliance import ComplianceOperator
+from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Needle
 
 STICK_CONDITION = 1e9
@@ -50,7 +50,7 @@ class Sticking:
 
 
 def sticking(
-    needle: Needle, instrument: Instrument, responses: Responses, length: float
+    needle: Needle, instrument: NeedleInterface, responses: ComplianceOperator, length: float
 ) -> Sticking:
     """Return how what sticks is held: as the scene says, or so that its forces are determined.
 
@@ -58,9 +58,9 @@ def sticking(
     ----------
     needle : Needle
         A `stick_stiffness` of 0 leaves the choice open.
-    instrument : Instrument
+    instrument : NeedleInterface
         On the line that is looked at.
-    responses : Responses
+    responses : ComplianceOperator
         Of the tissue.
     length : float, m
         Of the path: the deepest of the motion, as far as it is in the tissue.
@@ -74,7 +74,7 @@ def sticking(
     count = int(length / spacing)
     if count < 2:  # one segment has no neighbour that the mesh could take it for
         return Sticking(needle.stick_stiffness, 1.0, 1.0)
-    compliance = straight_path(instrument, responses, count).sliding().compliance
+    compliance = straight_contact(instrument, responses, count).sliding().compliance
     lengths = np.full(count, spacing)
     softest = float(np.linalg.eigvalsh(compliance)[-1])
     if not softest * spacing > 0.0:
@@ -82,7 +82,9 @@ def sticking(
         raise CaseError("supports", problem, "hold less of it, or check the size of the mesh")
 
     def condition(stiffness: float) -> float:
-        return stick_condition(compliance, Friction(stiffness=stiffness).slack(lengths))
+        return stick_condition(
+            compliance, SlipWeakeningFriction(stiffness=stiffness).slack(lengths)
+        )
 
     given, rigid = needle.stick_stiffness, condition(0.0)
     stiffest = 0.5 * STICK_CONDITION / (softest * spacing)

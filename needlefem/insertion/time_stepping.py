@@ -12,26 +12,26 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from needlefem.contact.friction import Friction
-from needlefem.contact.functionals import Piece
+from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.contact.functionals import ContactSegment
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
-from needlefem.fem.tissue_model import Model
-from needlefem.insertion.account import Account
-from needlefem.insertion.events import Chronicle
-from needlefem.insertion.growth import goal, land, run_ahead
-from needlefem.insertion.moments import pressing_state, tell_apart
-from needlefem.insertion.motion_schedule import Tick
-from needlefem.insertion.path_following import March
-from needlefem.insertion.progress import Found, Progress
-from needlefem.insertion.result import Ledger, LeftTissueError, Outcome, Snap, Status
-from needlefem.insertion.skin import touch
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.account import EnergyBalance
+from needlefem.insertion.events import EventLog
+from needlefem.insertion.growth import advance_at_fixed_depth, find_arrest, segment_target
+from needlefem.insertion.moments import loading_state, tell_apart
+from needlefem.insertion.motion_schedule import TimeStep
+from needlefem.insertion.path_following import PathFollowing
+from needlefem.insertion.progress import Progress, StepResult
+from needlefem.insertion.result import Ledger, LeftTissueError, Outcome, Rupture, Status
+from needlefem.insertion.skin import press_skin
 from needlefem.insertion.skincrossing import crossing_of_uncut_skin, crossing_on_path
-from needlefem.insertion.state import State, Way
-from needlefem.insertion.step_equations import Solution, StepEquations
-from needlefem.insertion.tip_phase import Moment, attempt, first_change, within_piece
-from needlefem.insertion.tissue_response import Medium
-from needlefem.needle.needle_interface import Instrument
+from needlefem.insertion.state import State, TipPhase
+from needlefem.insertion.step_equations import StepEquations, StepSolution
+from needlefem.insertion.tip_phase import TipTrial, first_event, limit_to_segment, trial_step
+from needlefem.insertion.tissue_response import TissueResponse
+from needlefem.needle.needle_interface import NeedleInterface
 
 NUDGE = 1e-5
 """Depth beyond that of a tip about to run ahead, relative to the spacing, at which it does."""
@@ -43,45 +43,49 @@ REFUSED = 5e-10
 """Energy that contact may give in a step, of the turnover, before the motion ends there."""
 
 
-class Stepping:
+class TimeStepping:
     """A needle moved by a schedule.
 
     Parameters
     ----------
-    instrument : Instrument
-    medium : Medium
+    instrument : NeedleInterface
+    medium : TissueResponse
         The tissue in time.
-    model : Model
-    friction : Friction
+    model : TissueModel
+    friction : SlipWeakeningFriction
 
     Attributes
     ----------
     outcome : Outcome
         Set when `iterate` is exhausted.
-    snaps : list of Snap
+    snaps : list of Rupture
     """
 
     def __init__(
-        self, instrument: Instrument, medium: Medium, model: Model, friction: Friction
+        self,
+        instrument: NeedleInterface,
+        medium: TissueResponse,
+        model: TissueModel,
+        friction: SlipWeakeningFriction,
     ) -> None:
         self.instrument, self.medium, self.friction = instrument, medium, friction
-        self.snaps: list[Snap] = []
+        self.snaps: list[Rupture] = []
         self.outcome = Outcome(Status.STOPPED, "ended before the motion did")
         self._progress = Progress(instrument, medium, model, friction)
         self._told_apart = False
 
     @property
-    def account(self) -> Account:
+    def account(self) -> EnergyBalance:
         """The energy ledger so far."""
         return self._progress.account
 
     @property
-    def chronicle(self) -> Chronicle:
+    def chronicle(self) -> EventLog:
         """Events and seeds so far."""
         return self._progress.chronicle
 
     @property
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[ContactSegment]:
         """Pieces of the path cut so far."""
         return self._progress.pieces
 
@@ -90,7 +94,7 @@ class Stepping:
         """Contact evaluations spent."""
         return self._progress.evaluations
 
-    def iterate(self, ticks: Iterable[Tick]) -> Iterator[State]:
+    def iterate(self, ticks: Iterable[TimeStep]) -> Iterator[State]:
         """Yield the states one by one; stop early by not asking for more."""
         try:
             yield self._progress.state
@@ -107,13 +111,13 @@ class Stepping:
             sentence = f"after {100.0 * self._progress.state.depth:.4g} cm of depth: {error}"
             self.outcome = Outcome(Status.NOT_CONVERGED, sentence)
 
-    def take_over(self, march: March, speed: float, spent: Ledger) -> None:
+    def take_over(self, march: PathFollowing, speed: float, spent: Ledger) -> None:
         """Go on where a march ended; see `Progress.take_over`."""
         self._progress.take_over(march, speed, spent)
 
     # a step and what happens in it
 
-    def _tick(self, tick: Tick, halvings: int = HALVINGS) -> Iterator[State]:
+    def _tick(self, tick: TimeStep, halvings: int = HALVINGS) -> Iterator[State]:
         now = self._progress.state
         if tick.time > now.time or tick.depth != now.depth:
             self._progress.begin(tick.duration)
@@ -130,33 +134,35 @@ class Stepping:
         elif tick.releases:
             yield self._progress.release(tick.releases)
 
-    def _advance(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
+    def _advance(
+        self, tick: TimeStep, start: tuple[float, float], halvings: int
+    ) -> Iterator[State]:
         """Go to the tick's depth, or to where something happens before, if time can be cut."""
         if not self.pieces:
             yield from self._touch(tick, start, halvings)
             return
         old, arc, timeless = self._progress.state, self._progress.arc, self.medium.timeless
         equations = self._progress.equations()
-        new = attempt(equations, old.way, arc, tick.depth)
+        new = trial_step(equations, old.tip_phase, arc, tick.depth)
         room = np.inf
-        if new.way is Way.CUTTING and new.solution is None:
+        if new.way is TipPhase.CUTTING and new.solution is None:
             room = self._progress.room()
         if timeless:
-            if new.way is not old.way:
-                new = first_change(equations, old, arc, new) or new
-            new = within_piece(equations, new, room)
-        if new.way is Way.CUTTING and new.solution is None:
+            if new.way is not old.tip_phase:
+                new = first_event(equations, old, arc, new) or new
+            new = limit_to_segment(equations, new, room)
+        if new.way is TipPhase.CUTTING and new.solution is None:
             yield from self._run_ahead(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
-            if self._crosses_skin(tick, new.way is Way.OUT):
+            if self._crosses_skin(tick, new.way is TipPhase.OUTSIDE):
                 share = crossing_on_path(self._progress, tick)
                 if share < 1.0:
                     yield self._accept(self._ended_at(share, tick), tick)
                     return
             yield from self._settle(found, tick, halvings)
 
-    def _accept(self, found: Found, tick: Tick) -> State:
+    def _accept(self, found: StepResult, tick: TimeStep) -> State:
         """Accept what was found, and release at the tick's end what is released there.
 
         Raises
@@ -170,18 +176,18 @@ class Stepping:
             return self._progress.release(tick.releases)
         return state
 
-    def _settle(self, found: Found, tick: Tick, halvings: int) -> Iterator[State]:
+    def _settle(self, found: StepResult, tick: TimeStep, halvings: int) -> Iterator[State]:
         """Accept what was found, or take the step in halves if contact gives too much in it."""
         if self._gives(found, GIVES) and halvings:
             yield from self._in_halves(tick, halvings)
         else:
             yield self._accept(found, tick)
 
-    def _gives(self, found: Found, most: float) -> bool:
+    def _gives(self, found: StepResult, most: float) -> bool:
         """Say whether contact gives more than a part of the turnover in a step."""
         return found.spent.least < -most * (self.account.turnover + abs(found.spent.work))
 
-    def _refuse_gift(self, found: Found) -> None:
+    def _refuse_gift(self, found: StepResult) -> None:
         """Raise a `SimulationError` if contact gives energy in a step."""
         if self._gives(found, REFUSED):
             depth, work = self._progress.state.depth, self.account.turnover
@@ -192,7 +198,7 @@ class Stepping:
                 "the mesh there, or take a stiffer tissue or a sharper needle"
             )
 
-    def _crosses_skin(self, tick: Tick, out: bool) -> bool:
+    def _crosses_skin(self, tick: TimeStep, out: bool) -> bool:
         """Say whether a step, at whose end the needle is out or not, is cut at the skin.
 
         Tissue with inertia is met at the step's end: in the short rest of a step it would be
@@ -200,11 +206,11 @@ class Stepping:
         not the tissue that swings away, at that moment.
         """
         now = self._progress.state
-        if self.medium.timeless or out is (now.way is Way.OUT):
+        if self.medium.timeless or out is (now.tip_phase is TipPhase.OUTSIDE):
             return False
         return not self.medium.inertial or (out and tick.depth < now.depth)
 
-    def _ended_at(self, share: float, tick: Tick) -> Found:
+    def _ended_at(self, share: float, tick: TimeStep) -> StepResult:
         """Return a step's end with the needle at the skin, touching nothing."""
         now = self._progress.state
         time = now.time + share * (tick.time - now.time)
@@ -212,14 +218,14 @@ class Stepping:
         self._progress.begin(time - now.time)
         return self._progress.free(time, depth)
 
-    def _in_halves(self, tick: Tick, halvings: int) -> Iterator[State]:
+    def _in_halves(self, tick: TimeStep, halvings: int) -> Iterator[State]:
         """Take the step in two of half its duration."""
         now, half = self._progress.state, 0.5 * tick.duration
-        middle = Tick(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
+        middle = TimeStep(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
         for part in (middle, tick._replace(duration=half)):
             yield from self._tick(part, halvings - 1)
 
-    def _run_ahead(self, tick: Tick, start: tuple[float, float]) -> Iterator[State]:
+    def _run_ahead(self, tick: TimeStep, start: tuple[float, float]) -> Iterator[State]:
         """Let the tip run on at fixed depth until its force is back at that of cutting."""
         progress, timeless, depth = self._progress, self.medium.timeless, tick.depth
         first, track = progress.count, progress.track
@@ -228,42 +234,42 @@ class Stepping:
         time, released = tick.time_at(depth, start), self.account.snap
         while True:
             equations = progress.equations()
-            high, low = goal(equations), None
+            high, low = segment_target(equations), None
             step = self._ahead(equations, high, depth)
             high = step.position.length
-            while self.medium.inertial and step.excess > 0.0:
+            while self.medium.inertial and step.excess_cutting_force > 0.0:
                 low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
-                step = run_ahead(equations, high, depth)
-            if step.excess <= 0.0:
+                step = advance_at_fixed_depth(equations, high, depth)
+            if step.excess_cutting_force <= 0.0:
                 break
-            jump = progress.found(Moment(Way.JUMPING, track.length, depth, step), time)
+            jump = progress.found(TipTrial(TipPhase.RUPTURE, track.length, depth, step), time)
             self._refuse_gift(jump)
             yield progress.accept(jump)
-        landing = land(equations, high, depth, low)
-        moment = Moment(Way.CUTTING, track.length, depth, landing, whole=timeless)
+        landing = find_arrest(equations, high, depth, low)
+        moment = TipTrial(TipPhase.CUTTING, track.length, depth, landing, whole=timeless)
         found = progress.found(moment, time)
         state = self._accept(found, tick)
-        self.snaps.append(Snap(depth, first, progress.count))
-        self.chronicle.happens("snap", self.account.snap - released, state)
+        self.snaps.append(Rupture(depth, first, progress.count))
+        self.chronicle.record("snap", self.account.snap - released, state)
         yield state
 
-    def _ahead(self, equations: StepEquations, length: float, depth: float) -> Solution:
+    def _ahead(self, equations: StepEquations, length: float, depth: float) -> StepSolution:
         """Run ahead, as far as there is tissue around the tip."""
         grown = self._progress.track.length - self._progress.track.arcs[-1]
         for _ in range(HALVINGS):
             try:
-                return run_ahead(equations, length, depth)
+                return advance_at_fixed_depth(equations, length, depth)
             except OutsideError:
                 length = 0.5 * (grown + length)
-        return run_ahead(equations, length, depth)
+        return advance_at_fixed_depth(equations, length, depth)
 
-    def _touch(self, tick: Tick, start: tuple[float, float], halvings: int) -> Iterator[State]:
+    def _touch(self, tick: TimeStep, start: tuple[float, float], halvings: int) -> Iterator[State]:
         """Press on the skin, and cut it."""
         progress, timeless = self._progress, self.medium.timeless
         weights = progress.tip_at_entry
         limit = self.instrument.cutting_force_at(weights)
         before = progress.state.depth if timeless else tick.depth
-        found = touch(progress.contact, weights, limit, (before, tick.depth))
+        found = press_skin(progress.contact, weights, limit, (before, tick.depth))
         time = tick.time_at(found.depth, start)
         if self._crosses_skin(tick, found.forces[0] <= 0.0):
             share = crossing_of_uncut_skin(progress, tick)
@@ -274,12 +280,12 @@ class Stepping:
             yield from self._settle(progress.free(time, found.depth), tick, halvings)
             return
         trial, forces = found.trial, found.forces
-        held = pressing_state(progress.track, trial, forces, time, found.depth)
+        held = loading_state(progress.track, trial, forces, time, found.depth)
         states = []
         if not found.punctured or timeless:
             states.append(self._accept(progress.pressing(held, trial, forces), tick))
         if found.punctured:
             progress.puncture(trial, len(forces) - 1)
             at = progress.state if timeless else held
-            self.chronicle.happens("puncture", sum(progress.spent), at)
+            self.chronicle.record("puncture", sum(progress.spent), at)
         yield from states

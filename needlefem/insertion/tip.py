@@ -6,16 +6,18 @@ from needlefem._arrays import Floats
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.broyden import MOST_ITERATIONS, broyden
-from needlefem.insertion.step_equations import TOLERANCE, Solution, StepEquations
+from needlefem.insertion.step_equations import TOLERANCE, StepEquations, StepSolution
 
 
-def press(equations: StepEquations, depth: float) -> Solution:
+def solve_loading(equations: StepEquations, depth: float) -> StepSolution:
     """Return the forces with the tip at the crack front, pressing from nothing to cutting."""
     position = equations.front()
     return equations.solve(position, depth, 0.0, position.cutting_force)
 
 
-def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, Solution] | None:
+def solve_retraction(
+    equations: StepEquations, depth: float, start: float
+) -> tuple[float, StepSolution] | None:
     """Return where on its path a tip without force is, and the forces.
 
     Of several places the first on the way from where it was: friction may drag tissue along so
@@ -42,10 +44,10 @@ def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, S
     ahead = travel > 0.0
     if start <= 0.0 or not travel or equations.contact.background is not None:
         arc = start  # out, or the tissue moves by itself: it says which way to look
-        ahead = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0).gap < 0.0
+        ahead = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0).axial_gap < 0.0
     for _ in range(MOST_ITERATIONS):
         solution = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
-        gap = solution.gap
+        gap = solution.axial_gap
         if abs(gap) <= TOLERANCE or (gap > 0.0 and arc <= 0.0):
             if travel and arc != start:
                 equations.track.pace = (arc - start) / travel
@@ -73,7 +75,7 @@ def draw(equations: StepEquations, depth: float, start: float) -> tuple[float, S
     )
 
 
-def cut(equations: StepEquations, depth: float, ahead: float) -> Solution | None:
+def solve_cutting(equations: StepEquations, depth: float, ahead: float) -> StepSolution | None:
     """Return the forces with a tip that has cut on to a depth, or None: not found.
 
     Parameters
@@ -83,13 +85,13 @@ def cut(equations: StepEquations, depth: float, ahead: float) -> Solution | None
     ahead : float, m
         How far about.
     """
-    axis, front = equations.instrument.axis, equations.track.front
+    axis, front = equations.instrument.axis, equations.track.crack_front
 
-    def evaluate(moved: Floats) -> tuple[Solution, Floats]:
+    def evaluate(moved: Floats) -> tuple[StepSolution, Floats]:
         position = equations.at_point(front + moved, equations.track.count)
         force = position.cutting_force
         solution = equations.solve(position, depth, force, force)
-        return solution, np.append(solution.gap, solution.beside) @ axis.frame
+        return solution, np.append(solution.axial_gap, solution.lateral_gap) @ axis.frame
 
     def forward(moved: Floats, change: Floats) -> Floats:
         """Let a tip that would go back go half way towards where it was."""

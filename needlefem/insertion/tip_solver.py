@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.functionals import Trial
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.functionals import ContactTrial
 from needlefem.fem.interpolation import OutsideError
-from needlefem.insertion.guide import Guide, LastStep
+from needlefem.insertion.guide import LastStep, WarmStart
 from needlefem.mesh.entry import place_text
-from needlefem.needle.insertion_axis import Axis
-from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import NeedleInterface
 
 TOLERANCE = 1e-12
 """Lateral distance of the tip from the axis at which a step is solved, m."""
@@ -33,14 +33,14 @@ FEW_ITERATIONS = 10
 """Of a step whose length is solved for as well; a good guess takes five."""
 
 
-class Step(NamedTuple):
+class TipSolution(NamedTuple):
     """A step that satisfies the axial equations.
 
     Parameters
     ----------
     tip : array, shape (dim,), m
         Material point at the tip.
-    trial : Trial
+    trial : ContactTrial
         Its functionals: the tip's kernel, and the piece of path behind it.
     depth : float, m
     tip_force, cutting_force : float, N (N/m in 2D)
@@ -60,7 +60,7 @@ class Step(NamedTuple):
     """
 
     tip: Vector
-    trial: Trial
+    trial: ContactTrial
     depth: float
     tip_force: float
     cutting_force: float
@@ -142,29 +142,29 @@ def smallest_turning(beside: Callable[[Floats], Floats], sideways: Floats, lengt
     return float(np.linalg.eigvals(np.column_stack(columns)).real.min())
 
 
-class StepSolver:
+class TipSolver:
     """Finds steps from the end of the path, learning from one for the next.
 
     Parameters
     ----------
-    instrument : Instrument
-    contact : Contact
+    instrument : NeedleInterface
+    contact : CondensedContact
         The path so far.
-    guide : Guide, optional
+    guide : WarmStart, optional
         What is known from a march nearby.
     """
 
     def __init__(
-        self, instrument: Instrument, contact: Contact, guide: Guide | None = None
+        self, instrument: NeedleInterface, contact: CondensedContact, guide: WarmStart | None = None
     ) -> None:
         self._instrument, self._contact = instrument, contact
-        self._guide = guide or Guide(instrument.axis.entry)
-        lateral = len(instrument.axis.laterals)
+        self._guide = guide or WarmStart(instrument.axis.entry)
+        lateral = len(instrument.axis.lateral_directions)
         self._slope = np.zeros(lateral)
         self._jacobian = np.eye(lateral)
         self.evaluations = 0
 
-    def follow(self, step: Step) -> None:
+    def follow(self, step: TipSolution) -> None:
         """Expect the next step to go on in the direction of one just made."""
         self._slope = step.slope
         self._guide.learnt.append((self._slope, self._jacobian))
@@ -176,7 +176,7 @@ class StepSolver:
         depth: float | None = None,
         begin: Floats | None = None,
         tolerance: float = TOLERANCE,
-    ) -> Step:
+    ) -> TipSolution:
         """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
 
         Parameters
@@ -227,7 +227,9 @@ class StepSolver:
         )
         raise NoEquilibriumError(not_found(length, last, turning, step.cutting_force))
 
-    def solve_to(self, last: Vector, depth: float, length: float, rate: float) -> Step | None:
+    def solve_to(
+        self, last: Vector, depth: float, length: float, rate: float
+    ) -> TipSolution | None:
         """Find the step that ends at a depth: its length together with its direction.
 
         Broyden's method for both. None: not found from this guess.
@@ -273,14 +275,16 @@ class StepSolver:
             unknown = unknown + change
         return None
 
-    def _try(self, start: "_Start", length: float, sideways: Floats, depth: float | None) -> Step:
+    def _try(
+        self, start: "_Start", length: float, sideways: Floats, depth: float | None
+    ) -> TipSolution:
         """Put the tip `length` further along the path, `sideways` of it across the axis."""
         self.evaluations += 1
         instrument, axis = self._instrument, self._instrument.axis
         last, forward = start.point, math.sqrt(length**2 - sideways @ sideways)
-        tip = last + forward * axis.direction + sideways @ axis.laterals
+        tip = last + forward * axis.direction + sideways @ axis.lateral_directions
         weights = instrument.tip_and_piece(tip, last)
-        trial = self._contact.try_functionals(weights)
+        trial = self._contact.trial(weights)
         limit, friction = instrument.resistance(weights)
         friction *= length
         hold = 1.0 / (instrument.lateral_stiffness * length)
@@ -289,7 +293,7 @@ class StepSolver:
         lateral, moved = _eliminated(trial, friction, offset, hold)
         ahead = start.along + forward
         force = limit if depth is None else float((depth - ahead - moved[0, 0]) / moved[0, 1])
-        return Step(
+        return TipSolution(
             tip=tip,
             trial=trial,
             depth=ahead + float(moved[0, 0] + force * moved[0, 1]),
@@ -307,13 +311,13 @@ class StepSolver:
 class _Start:
     """Where a step starts: a material point, its offset from the axis and its place along it."""
 
-    def __init__(self, point: Vector, axis: Axis) -> None:
-        self.point, self.offset = point, axis.offset(point)
-        self.along = float(axis.along(point))
+    def __init__(self, point: Vector, axis: InsertionAxis) -> None:
+        self.point, self.offset = point, axis.lateral_offset(point)
+        self.along = float(axis.axial_coordinate(point))
 
 
 def _eliminated(
-    trial: Trial, friction: float, offset: Floats, hold: float
+    trial: ContactTrial, friction: float, offset: Floats, hold: float
 ) -> tuple[Floats, Floats]:
     """Return the piece's lateral force and the tip's displacement when the piece is held.
 

@@ -6,11 +6,11 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.functionals import Piece
-from needlefem.fem.compliance import DirectResponses, Responses, SharedResponses
-from needlefem.fem.condensation import Corridor, CorridorColumns
+from needlefem.contact.functionals import ContactSegment
+from needlefem.fem.compliance import CachedCompliance, ComplianceOperator, DirectCompliance
+from needlefem.fem.condensation import CondensedCorridor, Corridor
 from needlefem.fem.factorization import Factor
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 
 MOST_SHARED_UNKNOWNS = 10_000
 """Above, a column for every node that a needle touches costs more than condensing its corridor."""
@@ -19,33 +19,33 @@ MOST_CORRIDOR_UNKNOWNS = 12_000
 
 
 def responses_of(
-    model: Model, factor: Factor | None = None, corridor: Corridor | None = None
-) -> Responses:
+    model: TissueModel, factor: Factor | None = None, corridor: Corridor | None = None
+) -> ComplianceOperator:
     """Return the responses of a tissue's stiffness, or of a step's factorised operator.
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     factor : Factor, optional
         Of the step's operator; that of K when left out.
     corridor : Corridor, optional
         Where needles are expected.
     """
     if len(model.free_dofs) <= MOST_SHARED_UNKNOWNS:
-        return SharedResponses(model, factor, corridor=corridor)
+        return CachedCompliance(model, factor, corridor=corridor)
     if corridor is not None and factor is None and model.element.definite:
-        columns = CorridorColumns(model, corridor)
+        columns = CondensedCorridor(model, corridor)
         if np.count_nonzero(columns.inner()) <= MOST_CORRIDOR_UNKNOWNS:
-            return SharedResponses(model, columns=columns, corridor=corridor)
-    return DirectResponses(model, factor)
+            return CachedCompliance(model, columns=columns, corridor=corridor)
+    return DirectCompliance(model, factor)
 
 
-class Medium(Protocol):
+class TissueResponse(Protocol):
     """A tissue in time.
 
     Attributes
     ----------
-    responses : Responses
+    responses : ComplianceOperator
         Of the operator of the step that has begun.
     background : array, shape (nnodes, dim), m, or None
         Displacement at its end without the needle; None: none.
@@ -55,7 +55,7 @@ class Medium(Protocol):
         Whether velocity persists.
     """
 
-    responses: Responses
+    responses: ComplianceOperator
     background: Floats | None
     timeless: bool
     inertial: bool
@@ -64,7 +64,7 @@ class Medium(Protocol):
         """Prepare a step."""
         ...
 
-    def swing(self, pieces: Sequence[Piece], direction: Vector) -> Floats | None:
+    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats | None:
         """Return how pieces of a needle in a direction swing, see `Contact`; None: no inertia."""
         ...
 
@@ -80,24 +80,24 @@ class Medium(Protocol):
         ...
 
 
-class ElasticMedium:
-    """Equilibrium at every time, without a memory; see `Medium`."""
+class ElasticResponse:
+    """Equilibrium at every time, without a memory; see `TissueResponse`."""
 
     timeless, inertial = True, False
     background: Floats | None = None
 
-    def __init__(self, responses: Responses) -> None:
+    def __init__(self, responses: ComplianceOperator) -> None:
         self.responses = responses
 
     def begin(self, duration: float) -> None:
-        """See `Medium`: there is nothing to prepare."""
+        """See `TissueResponse`: there is nothing to prepare."""
 
-    def swing(self, pieces: Sequence[Piece], direction: Vector) -> None:
-        """See `Medium`."""
+    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
+        """See `TissueResponse`."""
 
     def finish(self, load: Floats) -> None:
-        """See `Medium`: there is nothing to remember."""
+        """See `TissueResponse`: there is nothing to remember."""
 
     def energies(self) -> dict[str, float]:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         return {}

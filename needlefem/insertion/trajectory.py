@@ -17,7 +17,7 @@ STUB = 0.01
 """Length of a path's last step, over that of the one before, from which on it counts."""
 
 
-class Reach(NamedTuple):
+class TipPoint(NamedTuple):
     """A material point that the tip reaches, and the depth at which it does.
 
     Parameters
@@ -31,7 +31,7 @@ class Reach(NamedTuple):
     point: Vector
 
 
-class Piece(NamedTuple):
+class TrajectoryInterval(NamedTuple):
     """A stretch of the path that the tip passed without a snap.
 
     Parameters
@@ -46,10 +46,10 @@ class Piece(NamedTuple):
     depth: Floats
     point: Points
 
-    def at(self, length: float) -> Reach:
+    def at(self, length: float) -> TipPoint:
         """Interpolate at a path length."""
         values = _lagrange(self.length, length) @ np.column_stack([self.depth, self.point])
-        return Reach(float(values[0]), values[1:])
+        return TipPoint(float(values[0]), values[1:])
 
     def solve(self, values: Floats, sought: float) -> float | None:
         """Return the first path length at which a quantity of the states takes a value."""
@@ -61,7 +61,7 @@ class Piece(NamedTuple):
         return _invert(self.length, values, sought, first)
 
 
-def _without_stub(piece: Piece) -> Piece:
+def _without_stub(piece: TrajectoryInterval) -> TrajectoryInterval:
     """Return a piece without its last state but one if that is all but at the end.
 
     A cubic through both would have their round-off, divided by their distance, for its slope.
@@ -69,7 +69,7 @@ def _without_stub(piece: Piece) -> Piece:
     steps = np.diff(piece.length)
     if len(steps) < 2 or steps[-1] >= STUB * steps[-2]:
         return piece
-    return Piece(*(np.delete(values, -2, axis=0) for values in piece))
+    return TrajectoryInterval(*(np.delete(values, -2, axis=0) for values in piece))
 
 
 def _cutting(insertion: Insertion) -> Ints:
@@ -133,7 +133,7 @@ def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
     return at
 
 
-class Path:
+class TipTrajectory:
     """The cut path of an insertion as pieces between snaps."""
 
     def __init__(self, insertion: Insertion) -> None:
@@ -148,39 +148,39 @@ class Path:
         ends = [0, *(last for _, last in snaps)]
         stops = [*(first + 1 for first, _ in snaps), len(tips)]
         self.pieces = [
-            _without_stub(Piece(length[a:b], depths[a:b], tips[a:b]))
+            _without_stub(TrajectoryInterval(length[a:b], depths[a:b], tips[a:b]))
             for a, b in zip(ends, stops, strict=True)
             if b - a > 1
         ]
 
-    def at_depth(self, depth: float) -> Reach | None:
+    def at_depth(self, depth: float) -> TipPoint | None:
         """Return the material point at the tip at a depth, or None beyond the path's end.
 
         Before the skin is cut it is the entry point.
         """
         if self.puncture_depth is None or depth <= self.puncture_depth:
-            return Reach(depth, self.entry)
+            return TipPoint(depth, self.entry)
         for piece in self.pieces:
             length = piece.solve(piece.depth, depth)
             if length is not None:
                 return piece.at(length)
         return None
 
-    def abeam(self, target: Vector) -> Reach | None:
+    def at_target_depth(self, target: Vector) -> TipPoint | None:
         """Return where the tip is level with the target along the needle, or None.
 
         None means that the path ends before, or that the material there was jumped over.
         """
-        sought = float(self.axis.along(target))
+        sought = float(self.axis.axial_coordinate(target))
         for piece in self.pieces:
-            length = piece.solve(self.axis.along(piece.point), sought)
+            length = piece.solve(self.axis.axial_coordinate(piece.point), sought)
             if length is not None:
                 return piece.at(length)
         return None
 
-    def closest(self, target: Vector) -> Reach | None:
+    def closest(self, target: Vector) -> TipPoint | None:
         """Return the point of the path nearest to the target, or None if nothing was cut."""
-        best: Reach | None = None
+        best: TipPoint | None = None
         for piece in self.pieces:
             nearest = self._closest(piece, target)
             if best is None or _away(nearest, target) < _away(best, target):
@@ -188,7 +188,7 @@ class Path:
         return best
 
     @staticmethod
-    def _closest(piece: Piece, target: Vector) -> Reach:
+    def _closest(piece: TrajectoryInterval, target: Vector) -> TipPoint:
         apart = np.sum((piece.point - target) ** 2, axis=1)
         middle = int(np.argmin(apart))
         low = piece.length[max(middle - 1, 0)]
@@ -205,5 +205,5 @@ class Path:
         return piece.at(0.5 * (low + high))
 
 
-def _away(reach: Reach, target: Vector) -> float:
+def _away(reach: TipPoint, target: Vector) -> float:
     return float(np.linalg.norm(reach.point - target))

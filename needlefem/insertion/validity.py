@@ -13,7 +13,7 @@ LARGE_STRAIN = 0.3
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Validity:
+class StrainCheck:
     """Strains of one state.
 
     Parameters
@@ -59,7 +59,7 @@ class Validity:
         return found
 
 
-def validity(insertion: Insertion, state: int) -> Validity:
+def validity(insertion: Insertion, state: int) -> StrainCheck:
     """Return the validity indicators of a state."""
     model, radius = insertion.model, insertion.scene.needle.tip_radius
     moved = displacements(insertion, [state])[:, 0]
@@ -69,7 +69,7 @@ def validity(insertion: Insertion, state: int) -> Validity:
     strain = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, 2, 3)))
     where = np.moveaxis(np.asarray(model.basis.global_coordinates()), 0, 2)
     away = np.linalg.norm(where - insertion.states[state].tip, axis=2) > radius
-    return Validity(
+    return StrainCheck(
         largest_strain=float(np.max(np.abs(strain[away]))),
         smallest_volume_ratio=float(np.min(volume[away])),
         folded_cells=int(np.count_nonzero(np.min(volume, axis=1) <= 0.0)),

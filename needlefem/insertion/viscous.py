@@ -5,31 +5,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.functionals import Piece
-from needlefem.dynamics import EnergyLedger, Motion, TissueSystem
+from needlefem.contact.functionals import ContactSegment
+from needlefem.dynamics import EnergyLedger, KinematicState, TissueSystem
 from needlefem.dynamics.steppers import StaticStepper
 from needlefem.errors import SimulationError
-from needlefem.fem.compliance import Responses
-from needlefem.fem.tissue_model import Model
-from needlefem.insertion.recent import Recent
+from needlefem.fem.compliance import ComplianceOperator
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.recent import LeastRecentlyUsed
 from needlefem.insertion.tissue_response import responses_of
 
 
-class ViscoelasticMedium:
+class ViscoelasticResponse:
     """Equilibrium at the end of every step, with the memory of branches; see `Medium`."""
 
     timeless, inertial = False, False
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: TissueModel) -> None:
         self.model, self.system = model, TissueSystem(model)
-        self._motion: Motion | None = None
-        self._start: Motion
+        self._motion: KinematicState | None = None
+        self._start: KinematicState
         self._ended = False
-        self._steppers: Recent[float, tuple[StaticStepper, Responses]] = Recent()
+        self._steppers: LeastRecentlyUsed[float, tuple[StaticStepper, ComplianceOperator]] = (
+            LeastRecentlyUsed()
+        )
         self._energies: dict[str, float] = {}
         self._forces = np.zeros(self.system.size)
         self.background: Floats | None = None
-        self.responses: Responses
+        self.responses: ComplianceOperator
 
     def begin(self, duration: float) -> None:
         """See `Medium`."""
@@ -44,11 +46,11 @@ class ViscoelasticMedium:
         self._free = self._stepper.free_motion(self._motion)
         self.background = self.system.nodal(self._free)
 
-    def _ready(self, duration: float) -> tuple[StaticStepper, Responses]:
+    def _ready(self, duration: float) -> tuple[StaticStepper, ComplianceOperator]:
         stepper = StaticStepper(self.system, duration)
         return stepper, responses_of(self.model, stepper.factor)
 
-    def swing(self, pieces: Sequence[Piece], direction: Vector) -> None:
+    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
         """See `Medium`."""
 
     def finish(self, load: Floats) -> None:

@@ -9,7 +9,7 @@ from typing import TextIO
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.insertion.insertion_run import Course
+from needlefem.insertion.insertion_run import InsertionRun
 from needlefem.insertion.result import Event
 from needlefem.insertion.state import State
 from needlefem.io.files import whole_file
@@ -33,7 +33,7 @@ class History:
     every: int = 1
 
 
-def recorded(course: Course, wanted: History) -> Iterator[State]:
+def recorded(course: InsertionRun, wanted: History) -> Iterator[State]:
     """Pass a motion's states on and write their histories; memory does not grow with them.
 
     Files are whole when the motion ends, when it is stopped early, and when it is interrupted.
@@ -72,7 +72,7 @@ def recorded(course: Course, wanted: History) -> Iterator[State]:
 
 
 class _Writer:
-    def __init__(self, course: Course, states: TextIO, events: TextIO, shaft: TextIO) -> None:
+    def __init__(self, course: InsertionRun, states: TextIO, events: TextIO, shaft: TextIO) -> None:
         self._course, self._before = course, (0.0, 0.0)
         self._states, self._events, self._shaft = states, events, shaft
         self._stiffness = course.instrument.lateral_stiffness
@@ -95,8 +95,8 @@ class _Writer:
         counts = [int(np.count_nonzero(slipping[1:] == way)) for way in (0, 1, -1)]
         seeds = np.full(len(self._names) * len(state.tip), np.nan)
         seeds[: state.seeds.size] = state.seeds.ravel()
-        _line(self._states, [state.time, state.depth, speed, state.way, *state.tip,
-                             state.tip_force, float(state.axial.sum()), *counts,
+        _line(self._states, [state.time, state.depth, speed, state.tip_phase, *state.tip,
+                             state.tip_force, float(state.friction_force.sum()), *counts,
                              *seeds])  # fmt: skip
         self._before = (state.time, state.depth)
         self.events()
@@ -114,13 +114,13 @@ class _Writer:
         for number in np.flatnonzero(lengths):
             length = lengths[number]
             _line(self._shaft, [state.time, ends[number] - length, ends[number],
-                                state.axial[number] / length, *state.lateral[number] / length,
+                                state.friction_force[number] / length, *state.lateral_force[number] / length,
                                 int(slipping[number])])  # fmt: skip
 
 
 def _slipping(state: State) -> Floats:
     """Return the way in which every piece slips; on a march all slip forward."""
-    found = np.ones(len(state.axial)) if state.slipping is None else state.slipping
+    found = np.ones(len(state.friction_force)) if state.slipping is None else state.slipping
     return np.asarray(found, dtype=float)
 
 

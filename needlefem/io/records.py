@@ -9,8 +9,8 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.result import Insertion, Ledger, Seed, Status
-from needlefem.insertion.trajectory import Reach
-from needlefem.needle.insertion_axis import Axis
+from needlefem.insertion.trajectory import TipPoint
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.planning.headline import Headline, headline
 from needlefem.planning.result import Barred, Evidence, Plan, Release
 from needlefem.planning.search import Solution
@@ -29,16 +29,16 @@ def check_record(check: CheckResult) -> dict[str, Any]:
     return dataclasses.asdict(check) | {"passed": check.passed}
 
 
-def pushed_record(axis: Axis, point: Vector | None) -> dict[str, Any]:
+def pushed_record(axis: InsertionAxis, point: Vector | None) -> dict[str, Any]:
     """Return how a needle on an axis brings its tip to a point: where it enters, how deep it goes.
 
     The depth (m) counts from the entry, whatever the coordinates of the skin are.
     """
-    depth = None if point is None else float(axis.along(point))
+    depth = None if point is None else float(axis.axial_coordinate(point))
     return {"entry": None if point is None else axis.entry, "release_depth": depth}
 
 
-def release_record(release: Release | None, axis: Axis) -> dict[str, Any] | None:
+def release_record(release: Release | None, axis: InsertionAxis) -> dict[str, Any] | None:
     """Return where something was released on an axis, how deep, and where it came to rest."""
     if release is None:
         return None
@@ -131,11 +131,11 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
         "depth": insertion.depths,
         "tip_path": insertion.tips,
         "tip_force": [state.tip_force for state in states],
-        "shaft_force": [float(state.axial.sum()) for state in states],
-        "lateral_force": [state.lateral.sum(axis=0) + state.tip_lateral for state in states],
+        "shaft_force": [float(state.friction_force.sum()) for state in states],
+        "lateral_force": [state.lateral_force.sum(axis=0) + state.tip_lateral for state in states],
         "jumping": [state.jumping for state in states],
         "time": [state.time for state in states],
-        "tip": [state.way for state in states],
+        "tip": [state.tip_phase for state in states],
         "sticking": [
             None if state.slipping is None else int(np.count_nonzero(state.slipping[1:] == 0))
             for state in states
@@ -146,7 +146,7 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
     }
 
 
-def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
+def seed_record(insertion: Insertion, reach: TipPoint) -> dict[str, Any]:
     """Return a seed: where the tip let it go, where it rests, and its distance to the target.
 
     Where the insertion broke off nothing is placed: the seed is where it would rest.
@@ -155,7 +155,7 @@ def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
     ended = insertion.outcome.status in (Status.COMPLETED, Status.NOT_PUNCTURED)
     return {
         "name": "",
-        "released_at": insertion.axis.tip(reach.depth),
+        "released_at": insertion.axis.tip_position(reach.depth),
         "release_depth": reach.depth,
         "placed_at": reach.point,
         "shortcut": reach.point,
@@ -167,14 +167,14 @@ def seed_record(insertion: Insertion, reach: Reach) -> dict[str, Any]:
 
 
 def released_record(
-    seed: Seed, place: Vector, target: Coordinates | None, axis: Axis
+    seed: Seed, place: Vector, target: Coordinates | None, axis: InsertionAxis
 ) -> dict[str, Any]:
     """Return a seed that a motion released; `place` is where it is when the motion ends."""
     return {
         "name": seed.name,
         "time": seed.time,
         "released_at": seed.released_at,
-        "release_depth": float(axis.along(seed.released_at)),
+        "release_depth": float(axis.axial_coordinate(seed.released_at)),
         "placed_at": seed.point,
         "shortcut": seed.shortcut,
         "now_at": place,

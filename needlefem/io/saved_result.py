@@ -11,7 +11,7 @@ import numpy as np
 from needlefem._arrays import Points
 from needlefem._inputfile import read_bytes, require_file
 from needlefem.errors import CaseError
-from needlefem.geometry.image_frame import Frame, Voxels
+from needlefem.geometry.image_frame import ImageFrame, Voxels
 from needlefem.io.record_shape import (
     ANEW,
     KEY,
@@ -68,14 +68,14 @@ class SavedResult:
         return found
 
     @property
-    def frame(self) -> Frame | None:
+    def frame(self) -> ImageFrame | None:
         """The case's plane in the scanner's space, where the case has one."""
         said = self.record.get("frame")
         if said is None:
             return None
         voxels = said["voxels"]
         own = None if voxels is None else Voxels(**{k: _tuples(v) for k, v in voxels.items()})
-        return Frame(**{k: _tuples(v) for k, v in said.items() if k != "voxels"}, voxels=own)
+        return ImageFrame(**{k: _tuples(v) for k, v in said.items() if k != "voxels"}, voxels=own)
 
 
 def load_result(path: str | Path) -> SavedResult:

@@ -8,10 +8,10 @@ from typing import TextIO
 import numpy as np
 
 from needlefem._arrays import Vector
-from needlefem.dynamics import Motion, Stepper, TissueSystem, kinetic_energy
-from needlefem.dynamics.memory import Memory
+from needlefem.dynamics import KinematicState, Stepper, TissueSystem, kinetic_energy
+from needlefem.dynamics.memory import MaxwellUpdate
 from needlefem.errors import NeedlefemError
-from needlefem.fem.interpolation import Weights
+from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.io.files import whole_file, write_json
 from needlefem.io.result_folder import result_folder
 from needlefem.io.vtu import write_pvd, write_vtu
@@ -38,7 +38,9 @@ class Recording:
     energies: bool = False
 
 
-def recorded(motions: Iterator[Motion], stepper: Stepper, wanted: Recording) -> Iterator[Motion]:
+def recorded(
+    motions: Iterator[KinematicState], stepper: Stepper, wanted: Recording
+) -> Iterator[KinematicState]:
     """Pass motions on and keep what is wanted; memory does not grow with their number.
 
     Files are whole when the run ends, when it is stopped early, and when it fails.
@@ -81,8 +83,8 @@ class _Recorder:
         self.system, self.step, self.wanted = stepper.system, stepper.step, wanted
         self.folder = Path(wanted.folder)
         self.model = self.system.model
-        self.memory = Memory(self.system.branches, self.step)
-        self.at: dict[str, Weights] = {
+        self.memory = MaxwellUpdate(self.system.branches, self.step)
+        self.at: dict[str, LinearFunctionals] = {
             name: self.model.interpolation.at(np.asarray(point, dtype=float)[None])
             for name, point in wanted.points.items()
         }
@@ -97,7 +99,7 @@ class _Recorder:
             columns += [f"{name} v_{axis} [m/s]" for axis in self.model.axes]
         return columns + ([f"kinetic [{per}]", f"strain [{per}]"] if self.wanted.energies else [])
 
-    def keep(self, number: int, motion: Motion, table: TextIO) -> None:
+    def keep(self, number: int, motion: KinematicState, table: TextIO) -> None:
         self.steps, time = number, number * self.step
         u, v = self.system.nodal(motion.u), self.system.nodal(motion.v)
         row = [time]

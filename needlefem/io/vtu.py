@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
-from needlefem.elements import ElementRow
-from needlefem.fem.function_space import Space
+from needlefem.elements import ElementType
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.io.files import whole_file
 
 EDGES = {
@@ -48,7 +48,7 @@ NONE: Mapping[str, Any] = {}
 
 
 def write_vtu(
-    path: Path, space: Space, fields: Mapping[str, Floats], cells: Mapping[str, Any] = NONE
+    path: Path, space: FunctionSpace, fields: Mapping[str, Floats], cells: Mapping[str, Any] = NONE
 ) -> None:
     """Write fields on the undeformed mesh: of nodes, shape (nnodes,) or (nnodes, dim), of cells.
 
@@ -67,7 +67,7 @@ def write_vtu(
         meshio.write(part, mesh, file_format="vtu")
 
 
-def _cells(space: Space) -> tuple[str, Ints]:
+def _cells(space: FunctionSpace) -> tuple[str, Ints]:
     """Return the kind of VTK cell and its nodes, shape (ncells, n), turned as VTK wants."""
     shape, mesh = space.element.cell, space.mesh
     order = ORDER[shape]
@@ -81,7 +81,7 @@ def _cells(space: Space) -> tuple[str, Ints]:
     return name, cells
 
 
-def _local(element: ElementRow, order: Sequence[int]) -> tuple[str, Ints]:
+def _local(element: ElementType, order: Sequence[int]) -> tuple[str, Ints]:
     """Return the kind of VTK cell, and the element's nodes that it has, for corners in an order."""
     own, shape = np.asarray(element.nodes), element.cell
     corners = np.asarray(element.make().refdom.p, dtype=float).T[list(order)]

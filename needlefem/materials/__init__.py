@@ -6,12 +6,16 @@ Laws that few cases name are imported when first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from needlefem.materials.base import Material, Response
+from needlefem.materials.base import Material, MaterialResponse
 from needlefem.materials.catalogue import LAWS, law_class
 from needlefem.materials.isotropic import Isotropic
 from needlefem.materials.linear_elastic import LinearElastic
 from needlefem.materials.relaxation import Branch, branches_of
-from needlefem.materials.volumetric_split import Split, plane_split, split
+from needlefem.materials.volumetric_split import (
+    VolumetricSplit,
+    plane_volumetric_split,
+    volumetric_split,
+)
 
 if TYPE_CHECKING:
     from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
@@ -23,15 +27,15 @@ __all__ = [
     "Isotropic",
     "LinearElastic",
     "Material",
+    "MaterialResponse",
     "Orthotropic",
-    "Response",
-    "Split",
     "TransverselyIsotropic",
     "Viscoelastic",
+    "VolumetricSplit",
     "branches_of",
     "law_class",
-    "plane_split",
-    "split",
+    "plane_volumetric_split",
+    "volumetric_split",
 ]
 
 _HOMES = {

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.materials.linear_elastic import LinearElastic, local_axes, turned
 from needlefem.materials.volumetric_split import split_compliance
 
@@ -25,20 +25,22 @@ def _orthotropic(moduli: Floats, ratios: Floats, shears: Floats) -> Floats:
 class TransverselyIsotropic(LinearElastic):
     """One direction differs, all across it are alike: muscle, tendon, layered phantoms."""
 
-    modulus_along: float = knob("Young's modulus along the fibre", "pressure", low=0.0)
-    modulus_across: float = knob("Young's modulus across the fibre", "pressure", low=0.0)
-    shear_along: float = knob("Shear modulus in planes that contain the fibre", "pressure", low=0.0)
-    ratio_along: float = knob(
+    modulus_along: float = parameter("Young's modulus along the fibre", "pressure", low=0.0)
+    modulus_across: float = parameter("Young's modulus across the fibre", "pressure", low=0.0)
+    shear_along: float = parameter(
+        "Shear modulus in planes that contain the fibre", "pressure", low=0.0
+    )
+    ratio_along: float = parameter(
         "Contraction across when pulled along the fibre; 0.5 is incompressible", low=-2.0, high=2.0
     )
-    ratio_across: float = knob(
+    ratio_across: float = parameter(
         "Contraction across when pulled across the fibre; incompressible at 1 - modulus_across / "
         "(2 modulus_along)",
         low=-1.0,
         high=1.0,
     )
-    fibre: tuple[float, ...] = knob("Direction of the fibre", default=(1.0, 0.0))
-    density: float = knob("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
+    fibre: tuple[float, ...] = parameter("Direction of the fibre", default=(1.0, 0.0))
+    density: float = parameter("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
 
     def check(self) -> None:
         """See `needlefem.validation.Validated`: a law that releases energy is refused."""
@@ -59,18 +61,20 @@ class TransverselyIsotropic(LinearElastic):
 class Orthotropic(LinearElastic):
     """Three directions at right angles, each with its own stiffness."""
 
-    modulus_1: float = knob("Young's modulus along axis 1", "pressure", low=0.0)
-    modulus_2: float = knob("Young's modulus along axis 2", "pressure", low=0.0)
-    modulus_3: float = knob("Young's modulus along axis 3", "pressure", low=0.0)
-    ratio_12: float = knob("Contraction along 2 when pulled along 1", low=-2.0, high=2.0)
-    ratio_13: float = knob("Contraction along 3 when pulled along 1", low=-2.0, high=2.0)
-    ratio_23: float = knob("Contraction along 3 when pulled along 2", low=-2.0, high=2.0)
-    shear_23: float = knob("Shear modulus in the plane 23", "pressure", low=0.0)
-    shear_13: float = knob("Shear modulus in the plane 13", "pressure", low=0.0)
-    shear_12: float = knob("Shear modulus in the plane 12", "pressure", low=0.0)
-    axis_1: tuple[float, ...] = knob("Direction of axis 1", default=(1.0, 0.0))
-    axis_2: tuple[float, ...] = knob("Direction of axis 2, made normal to 1", default=(0.0, 1.0))
-    density: float = knob("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
+    modulus_1: float = parameter("Young's modulus along axis 1", "pressure", low=0.0)
+    modulus_2: float = parameter("Young's modulus along axis 2", "pressure", low=0.0)
+    modulus_3: float = parameter("Young's modulus along axis 3", "pressure", low=0.0)
+    ratio_12: float = parameter("Contraction along 2 when pulled along 1", low=-2.0, high=2.0)
+    ratio_13: float = parameter("Contraction along 3 when pulled along 1", low=-2.0, high=2.0)
+    ratio_23: float = parameter("Contraction along 3 when pulled along 2", low=-2.0, high=2.0)
+    shear_23: float = parameter("Shear modulus in the plane 23", "pressure", low=0.0)
+    shear_13: float = parameter("Shear modulus in the plane 13", "pressure", low=0.0)
+    shear_12: float = parameter("Shear modulus in the plane 12", "pressure", low=0.0)
+    axis_1: tuple[float, ...] = parameter("Direction of axis 1", default=(1.0, 0.0))
+    axis_2: tuple[float, ...] = parameter(
+        "Direction of axis 2, made normal to 1", default=(0.0, 1.0)
+    )
+    density: float = parameter("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
 
     def check(self) -> None:
         """See `needlefem.validation.Validated`: a law that releases energy is refused."""

@@ -7,7 +7,7 @@ from needlefem._arrays import Floats
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Response:
+class MaterialResponse:
     """What a law answers to a displacement gradient.
 
     Parameters
@@ -33,7 +33,7 @@ class Response:
 class Material(Protocol):
     """A constitutive law: always in three dimensions, plane problems are made from it.
 
-    A frozen dataclass whose fields are declared with `needlefem._parameter.knob` can be used in a
+    A frozen dataclass whose fields are declared with `needlefem._parameter.parameter` can be used in a
     case. Linear laws are easiest written as a `LinearElastic`.
     """
 
@@ -42,7 +42,7 @@ class Material(Protocol):
         """Mass per volume, kg/m^3."""
         ...
 
-    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> Response:
+    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
         """Answer a displacement gradient.
 
         Parameters

@@ -5,7 +5,7 @@ import typing
 from collections.abc import Mapping
 from typing import Any
 
-from needlefem._parameter import Knob, knob_of
+from needlefem._parameter import ParameterInfo, parameter_info
 from needlefem.errors import CaseError, nearest
 from needlefem.materials.catalogue import law_class
 from needlefem.units import UNITS, parse_quantity
@@ -39,7 +39,7 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
             raise CaseError(f"--set {wanted}", "unknown constant", nearest(wanted, fields))
     values = {}
     for field in fields.values():
-        declared = knob_of(field)
+        declared = parameter_info(field)
         if field.name in settings:
             several = typing.get_origin(field.type) is tuple
             text, key_of = settings[field.name], f"--set {field.name}"
@@ -56,7 +56,7 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
     return found
 
 
-def _given(text: str, declared: Knob | None, key: str, *, several: bool) -> Any:
+def _given(text: str, declared: ParameterInfo | None, key: str, *, several: bool) -> Any:
     parts = [part.strip() for part in text.strip("[]() ").split(",")]
     if declared is not None and declared.dimension in UNITS:
         values = tuple(parse_quantity(part, declared.dimension, key) for part in parts)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.materials.linear_elastic import LinearElastic
 
 
@@ -13,14 +13,14 @@ from needlefem.materials.linear_elastic import LinearElastic
 class Isotropic(LinearElastic):
     """Isotropic linear elasticity at small strain (R. Hooke 1678, G. Lame 1852)."""
 
-    youngs_modulus: float = knob("Stiffness in simple tension", "pressure", low=0.0)
-    poissons_ratio: float = knob(
+    youngs_modulus: float = parameter("Stiffness in simple tension", "pressure", low=0.0)
+    poissons_ratio: float = parameter(
         "Lateral contraction; 0.5 is incompressible and needs a mixed element",
         low=-0.999,
         high=0.5,
         closed=True,
     )
-    density: float = knob("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
+    density: float = parameter("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
 
     def compliance(self) -> Floats:
         """See `LinearElastic`."""

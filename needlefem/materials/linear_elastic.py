@@ -10,8 +10,8 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
-from needlefem.materials.base import Response
-from needlefem.materials.relaxation import Branch, decay, gain
+from needlefem.materials.base import MaterialResponse
+from needlefem.materials.relaxation import Branch, load_factor, relaxation_factor
 from needlefem.materials.volumetric_split import split_compliance
 from needlefem.validation import Validated
 
@@ -33,7 +33,7 @@ class LinearElastic(Validated, abc.ABC):
         """Return the Maxwell branches beside the compliance's spring; none: an elastic law."""
         return ()
 
-    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> Response:
+    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
         """See `needlefem.materials.base.Material`.
 
         Raises
@@ -46,15 +46,15 @@ class LinearElastic(Validated, abc.ABC):
             remedy = "ask for its split, or lower Poisson's ratio"
             raise CaseError("material", "incompressible: strain does not give its stress", remedy)
         strain = voigt.strain(gradient)
-        before = Memory.virgin(strain, len(self.branches())) if state is None else state
+        before = MaxwellState.virgin(strain, len(self.branches())) if state is None else state
         after = before.advanced(strain, step, self.branches())
         stiffness, stress = parts.stiffness, strain @ parts.stiffness
         energy = 0.5 * np.sum(stress * strain, axis=-1)
         for branch, part in zip(self.branches(), after.parts, strict=True):
-            stiffness = stiffness + gain(step, branch.time) * branch.stiffness
+            stiffness = stiffness + load_factor(step, branch.time) * branch.stiffness
             pull = part @ branch.stiffness
             stress, energy = stress + pull, energy + 0.5 * np.sum(pull * part, axis=-1)
-        return Response(
+        return MaterialResponse(
             stress=voigt.tensor(stress),
             tangent=np.broadcast_to(
                 voigt.tangent_tensor(stiffness), (*gradient.shape[:-2], 3, 3, 3, 3)
@@ -65,25 +65,25 @@ class LinearElastic(Validated, abc.ABC):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Memory:
+class MaxwellState:
     """What a viscoelastic law remembers: strain, and strain of every branch's spring (..., 6)."""
 
     strain: Floats
     parts: tuple[Floats, ...]
 
     @classmethod
-    def virgin(cls, like: Floats, branches: int) -> "Memory":
+    def virgin(cls, like: Floats, branches: int) -> "MaxwellState":
         """Return the memory of tissue that was never deformed."""
         return cls(np.zeros_like(like), (np.zeros_like(like),) * branches)
 
-    def advanced(self, strain: Floats, step: float, branches: Sequence[Branch]) -> "Memory":
+    def advanced(self, strain: Floats, step: float, branches: Sequence[Branch]) -> "MaxwellState":
         """Return the memory after a step that ends at a strain."""
         change = strain - self.strain
         parts = [
-            decay(step, branch.time) * part + gain(step, branch.time) * change
+            relaxation_factor(step, branch.time) * part + load_factor(step, branch.time) * change
             for branch, part in zip(branches, self.parts, strict=True)
         ]
-        return Memory(strain, tuple(parts))
+        return MaxwellState(strain, tuple(parts))
 
 
 def local_axes(first: Floats, second: Floats | None = None) -> Floats:

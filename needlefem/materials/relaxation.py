@@ -44,12 +44,12 @@ class HasBranches(Protocol):
         ...
 
 
-def decay(step: float, time: float) -> float:
+def relaxation_factor(step: float, time: float) -> float:
     """Return what is left of a branch's strain after a step."""
     return float(np.exp(-step / time))
 
 
-def gain(step: float, time: float) -> float:
+def load_factor(step: float, time: float) -> float:
     """Return what a branch's spring keeps of a change of strain spread over a step.
 
     1 at once, 0 in an endless step.

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
 from needlefem.materials.isotropic import Isotropic
@@ -28,12 +28,12 @@ class Viscoelastic(Isotropic):
     shear modulus at once (a Prony series as other codes have it). Volume is elastic.
     """
 
-    shares: tuple[float, ...] = knob(
+    shares: tuple[float, ...] = parameter(
         "Share of the instantaneous shear modulus that every branch loses",
         low=0.0,
         high=1.0,
     )
-    times: tuple[float, ...] = knob("Relaxation time of every branch", "time", low=0.0)
+    times: tuple[float, ...] = parameter("Relaxation time of every branch", "time", low=0.0)
 
     def check(self) -> None:
         """See `needlefem.validation.Validated`."""

@@ -30,7 +30,7 @@ class HasCompliance(Protocol):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Split:
+class VolumetricSplit:
     """A linear(ised) law in Voigt's notation of 3D (6 components) or the plane (3).
 
     Parameters
@@ -68,7 +68,7 @@ class Split:
         return (3.0 - 2.0 * share) / (2.0 * (3.0 + share))
 
 
-def split(material: Material) -> Split:
+def volumetric_split(material: Material) -> VolumetricSplit:
     """Return the split of a law at small strain in 3D.
 
     Raises
@@ -79,11 +79,11 @@ def split(material: Material) -> Split:
     return split_compliance(_compliance(material))
 
 
-def plane_split(material: Material, plane: str) -> Split:
+def plane_volumetric_split(material: Material, plane: str) -> VolumetricSplit:
     """Return the split of a law in the plane of the first two axes: 'strain' or 'stress'."""
     rows = np.array(voigt.IN_PLANE)
     if plane == "strain":
-        solid = split(material)
+        solid = volumetric_split(material)
         return dataclasses.replace(solid, shape=solid.shape[np.ix_(rows, rows)])
     return split_compliance(_compliance(material)[np.ix_(rows, rows)])
 
@@ -96,13 +96,13 @@ def _compliance(material: Material) -> Floats:
     return np.asarray(np.linalg.inv(tangent), dtype=float)
 
 
-def split_compliance(compliance: Floats) -> Split:
+def split_compliance(compliance: Floats) -> VolumetricSplit:
     """Return the split of a symmetric compliance, shape (6, 6) or (3, 3), 1/Pa; see `_split`."""
     return _split(np.ascontiguousarray(compliance, dtype=float).tobytes(), len(compliance))
 
 
 @lru_cache(maxsize=64)  # checks ask for the same few laws again and again
-def _split(numbers: bytes, size: int) -> Split:
+def _split(numbers: bytes, size: int) -> VolumetricSplit:
     """Return the split of a compliance, the numbers of a matrix with `size` rows.
 
     With ``s = S m`` and ``c = m.S m`` the compressibility, ``D = inv(S)`` is ``D0 + m m' / c``,
@@ -138,7 +138,7 @@ def _split(numbers: bytes, size: int) -> Split:
     kept = 2.0 * shear / normals if incompressible else min(2.0 * shear / normals, 0.5 / total)
     shape = 0.5 * (shape + shape.T) + kept * np.outer(m, m)
     shape.flags.writeable = False  # all who ask for this law share it
-    return Split(shape, bulk / (1.0 - bulk * kept), shear, bulk)
+    return VolumetricSplit(shape, bulk / (1.0 - bulk * kept), shear, bulk)
 
 
 def _mandel(matrix: Floats, basis: Floats, weight: Floats) -> Floats:

@@ -12,7 +12,7 @@ NEAR = 0.25
 """Distance from the contour over the length of an edge up to which its ends belong onto it."""
 
 
-def halved(mesh: SkfemMesh, contours: Sequence[Contour] = ()) -> SkfemMesh:
+def uniformly_refined(mesh: SkfemMesh, contours: Sequence[Contour] = ()) -> SkfemMesh:
     """Return the mesh with every cell cut into four (eight in 3D), names kept.
 
     Vertices between two regions are put onto the nearest contour: the straight edges of a fitted

@@ -13,7 +13,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Vector
 from needlefem.geometry.contour import Contour
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 
 EDGE = 1e-9
 """Distance by which a needle at the edge of what is allowed may come too near by round-off, m."""
@@ -63,7 +63,7 @@ class HasClearance(Protocol):
 
 
 def passings(
-    obstacles: Mapping[str, HasClearance], axis: Axis, depth: float
+    obstacles: Mapping[str, HasClearance], axis: InsertionAxis, depth: float
 ) -> tuple[Passing, ...]:
     """Return how a needle with its tip at a depth (m) passes obstacles, by their names."""
     return tuple(
@@ -72,9 +72,9 @@ def passings(
     )
 
 
-def distance(axis: Axis, depth: float, contour: Contour) -> float:
+def distance(axis: InsertionAxis, depth: float, contour: Contour) -> float:
     """Return the distance of a needle with its tip at a depth to a filled contour, m."""
-    tip: Vector = axis.tip(depth)
+    tip: Vector = axis.tip_position(depth)
     if contour.contains(tip[None])[0]:
         return 0.0
     low, high = _laterals_behind(axis, depth, contour)
@@ -82,12 +82,14 @@ def distance(axis: Axis, depth: float, contour: Contour) -> float:
     return float(np.min(beside, initial=contour.distance(tip[None])[0]))
 
 
-def blocked(axis: Axis, depth: float, contour: Contour, clearance: float) -> list[Interval]:
+def blocked(
+    axis: InsertionAxis, depth: float, contour: Contour, clearance: float
+) -> list[Interval]:
     """Return the lateral positions at which a needle comes too near a filled contour.
 
     Parameters
     ----------
-    axis : Axis
+    axis : InsertionAxis
         Of a needle at position 0; others are parallel.
     depth : float, m
         Of the tips along this axis.
@@ -126,9 +128,12 @@ def gaps(low: float, high: float, taken: list[Interval]) -> list[Interval]:
     return found
 
 
-def _edges(axis: Axis, contour: Contour) -> tuple[Floats, Floats, Floats, Floats]:
+def _edges(axis: InsertionAxis, contour: Contour) -> tuple[Floats, Floats, Floats, Floats]:
     """Return along and lateral coordinates of all edges' ends, the one behind first."""
-    along, lateral = axis.along(contour.points), axis.offset(contour.points)[:, 0]
+    along, lateral = (
+        axis.axial_coordinate(contour.points),
+        axis.lateral_offset(contour.points)[:, 0],
+    )
     next_along, next_lateral = np.roll(along, -1), np.roll(lateral, -1)
     forward = along <= next_along
     return (
@@ -139,7 +144,7 @@ def _edges(axis: Axis, contour: Contour) -> tuple[Floats, Floats, Floats, Floats
     )
 
 
-def _laterals_behind(axis: Axis, depth: float, contour: Contour) -> tuple[Floats, Floats]:
+def _laterals_behind(axis: InsertionAxis, depth: float, contour: Contour) -> tuple[Floats, Floats]:
     """Return the lateral ranges of the edges' parts that are not ahead of the tip."""
     along, lateral, end_along, end_lateral = _edges(axis, contour)
     rise = end_along - along
@@ -150,7 +155,7 @@ def _laterals_behind(axis: Axis, depth: float, contour: Contour) -> tuple[Floats
 
 
 def _laterals_about_tip(
-    axis: Axis, depth: float, contour: Contour, clearance: float
+    axis: InsertionAxis, depth: float, contour: Contour, clearance: float
 ) -> tuple[Floats, Floats]:
     """Return the lateral ranges in which the tip is within the clearance of each edge.
 

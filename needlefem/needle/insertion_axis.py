@@ -9,7 +9,7 @@ from needlefem._arrays import Floats, Points, Vector
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Axis:
+class InsertionAxis:
     """The line ``entry + s direction``, s being the depth of the tip.
 
     Parameters
@@ -24,7 +24,7 @@ class Axis:
     direction: Vector
 
     @cached_property
-    def laterals(self) -> Floats:
+    def lateral_directions(self) -> Floats:
         """Orthonormal lateral directions, shape (dim - 1, dim).
 
         Made from the coordinate axes in their order, the one most along the needle left out.
@@ -40,18 +40,18 @@ class Axis:
     @cached_property
     def frame(self) -> Floats:
         """Rows: the direction, then the laterals; shape (dim, dim)."""
-        return np.vstack([self.direction, self.laterals])
+        return np.vstack([self.direction, self.lateral_directions])
 
-    def tip(self, depth: float) -> Vector:
+    def tip_position(self, depth: float) -> Vector:
         """Return where the tip is in the world at a depth, shape (dim,), m."""
         return self.entry + depth * self.direction
 
-    def offset(self, points: Points) -> Floats:
+    def lateral_offset(self, points: Points) -> Floats:
         """Return lateral coordinates relative to the line, shape (..., dim - 1), m."""
-        offsets: Floats = (points - self.entry) @ self.laterals.T
+        offsets: Floats = (points - self.entry) @ self.lateral_directions.T
         return offsets
 
-    def along(self, points: Points) -> Floats:
+    def axial_coordinate(self, points: Points) -> Floats:
         """Return coordinates along the line from the entry, shape (...,), m."""
         lengths: Floats = (points - self.entry) @ self.direction
         return lengths

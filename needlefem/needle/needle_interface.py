@@ -8,8 +8,8 @@ import numpy as np
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem._pickling import Lasting
 from needlefem.elements.quadrature import gauss_legendre
-from needlefem.fem.interpolation import Follower, Interpolation, OutsideError, Weights
-from needlefem.needle.insertion_axis import Axis
+from needlefem.fem.interpolation import Follower, Interpolation, LinearFunctionals, OutsideError
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.tip_kernel import Kernel
 
 ROUND_OFF = 1e-12
@@ -19,12 +19,12 @@ PIECE_POINTS = 5
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Instrument(Lasting):
+class NeedleInterface(Lasting):
     """All that contact needs to know of the needle.
 
     Parameters
     ----------
-    axis : Axis
+    axis : InsertionAxis
         Its line.
     kernel : Kernel
         How the tip's force is spread.
@@ -44,7 +44,7 @@ class Instrument(Lasting):
         Unit normal of the skin at the entry that points into the tissue.
     """
 
-    axis: Axis
+    axis: InsertionAxis
     kernel: Kernel
     interpolation: Interpolation
     cutting_force: Floats
@@ -60,21 +60,21 @@ class Instrument(Lasting):
         nodes, weights = gauss_legendre(PIECE_POINTS)
         across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
-        offsets = np.tile(across @ self.axis.laterals, (PIECE_POINTS, 1))
+        offsets = np.tile(across @ self.axis.lateral_directions, (PIECE_POINTS, 1))
         both = np.outer(weights, across_weights).ravel()
         return share, offsets, both / both.sum()
 
     @cached_property
-    def _behind(self) -> "_Behind":
-        return _Behind(self)
+    def _behind(self) -> "_TipSegmentFunctionals":
+        return _TipSegmentFunctionals(self)
 
-    def tip(self, point: Vector) -> Weights:
+    def tip(self, point: Vector) -> LinearFunctionals:
         """Return the mean over the tip's kernel at a material point (one row)."""
         points, weights = self.kernel.quadrature(point)
         rows = np.zeros(len(points), dtype=np.intp)
         return self.interpolation.means(points, weights, rows, 1)
 
-    def tip_and_piece(self, point: Vector, last: Vector) -> Weights:
+    def tip_and_piece(self, point: Vector, last: Vector) -> LinearFunctionals:
         """Return the kernel's mean (row 0) and the mean over the piece behind it (row 1).
 
         Parameters
@@ -84,11 +84,11 @@ class Instrument(Lasting):
         """
         return self._behind.means(point, last)
 
-    def resistance(self, weights: Weights) -> tuple[float, float]:
+    def resistance(self, weights: LinearFunctionals) -> tuple[float, float]:
         """Return cutting force (of row 0) and friction limit (of row 1) of functionals."""
         return self._behind.resistance(weights)
 
-    def pieces(self, vertices: Points) -> Weights:
+    def pieces(self, vertices: Points) -> LinearFunctionals:
         """Return the means over the pieces of a path between its vertices, shape (n, dim), m."""
         share, offsets, weights = self.piece_rule
         ahead = np.diff(vertices, axis=0)[:, None]
@@ -101,19 +101,19 @@ class Instrument(Lasting):
         rows = np.repeat(np.arange(len(ahead)), len(weights))
         return self.interpolation.means(points, ((1.0 - low) * weights).ravel(), rows, len(ahead))
 
-    def cutting_force_at(self, weights: Weights) -> float:
+    def cutting_force_at(self, weights: LinearFunctionals) -> float:
         """Return the cutting force, averaged over the kernel (row 0), N (N/m in 2D)."""
         return float(weights.rows[0] @ self.cutting_force[weights.nodes])
 
-    def friction_at(self, weights: Weights) -> float:
+    def friction_at(self, weights: LinearFunctionals) -> float:
         """Return the friction limit, averaged over the piece (row 1), N/m (Pa in 2D)."""
         return float(weights.rows[1] @ self.shaft_friction[weights.nodes])
 
 
-class _Behind:
+class _TipSegmentFunctionals:
     """The tip's kernel and the piece behind it, with what stays the same from call to call."""
 
-    def __init__(self, instrument: Instrument) -> None:
+    def __init__(self, instrument: NeedleInterface) -> None:
         # no reference to the instrument, which keeps this: both are freed together
         self._quadrature = instrument.kernel
         self._fields = (instrument.cutting_force, instrument.shaft_friction)
@@ -134,8 +134,8 @@ class _Behind:
         self._nodes: Ints | None = None
         self._resistances: Floats = np.zeros((0, 2))
 
-    def means(self, point: Vector, last: Vector) -> Weights:
-        """See `Instrument.tip_and_piece`."""
+    def means(self, point: Vector, last: Vector) -> LinearFunctionals:
+        """See `NeedleInterface.tip_and_piece`."""
         kernel, weights = self._quadrature.rule(point)
         if kernel is not self._kernel or not self._weights.size:
             self._kernel = kernel
@@ -164,8 +164,8 @@ class _Behind:
         weights[count:] /= total
         return share, weights
 
-    def resistance(self, weights: Weights) -> tuple[float, float]:
-        """See `Instrument`."""
+    def resistance(self, weights: LinearFunctionals) -> tuple[float, float]:
+        """See `NeedleInterface`."""
         if weights.nodes is not self._nodes:
             self._nodes = weights.nodes
             self._resistances = np.column_stack([field[self._nodes] for field in self._fields])

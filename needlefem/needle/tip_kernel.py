@@ -43,7 +43,7 @@ class PointKernel:
         return centre[None], self._point[1]
 
 
-class DiscKernel:
+class TipKernel:
     """A disc (2D) or ball (3D) of uniform weight, cut off at the skin.
 
     The rule is a product of one along the skin's inward normal and one across it. Where the

@@ -9,7 +9,7 @@ from needlefem._arrays import Floats, Points
 from needlefem._toml import comment, key_of, quoted
 from needlefem.casefile.openkeys import OPEN
 from needlefem.geometry.contour import Contour
-from needlefem.geometry.image_frame import Frame
+from needlefem.geometry.image_frame import ImageFrame
 from needlefem.materials.tissue_library import library
 from needlefem.newcase.names import region_names
 
@@ -35,7 +35,7 @@ class Draft:
     direction, max_depth, target : str
     planning : str
         The [planning] table, where something is known for it.
-    frame : Frame, optional
+    frame : ImageFrame, optional
     contours : mapping
         Contour files to write beside the case, by name.
     """
@@ -52,7 +52,7 @@ class Draft:
     max_depth: str
     target: str
     planning: str = ""
-    frame: Frame | None = None
+    frame: ImageFrame | None = None
     contours: Mapping[str, Contour] = dataclasses.field(default_factory=dict)
 
     @property
@@ -120,7 +120,7 @@ def _head(draft: Draft) -> str:
     return "\n".join(lines)
 
 
-def frame_text(frame: Frame) -> str:
+def frame_text(frame: ImageFrame) -> str:
     """Return the [frame] tables: the case's plane in the scanner's space."""
     lines = [
         "[frame]                        # the plane in the scanner; results are given there too",

@@ -11,7 +11,7 @@ from needlefem._arrays import Vector
 from needlefem._toml import brief, quoted
 from needlefem.errors import CaseError, nearest
 from needlefem.geometry.contour import Contour
-from needlefem.geometry.image_frame import Frame
+from needlefem.geometry.image_frame import ImageFrame
 from needlefem.image.labelmap import LabelMap, Segment, read_labelmap
 from needlefem.newcase.box import Box, Line, box_around, box_draft, with_room
 from needlefem.newcase.draft import Draft, millimetres, planning_text, point_text
@@ -129,7 +129,7 @@ def _line(labelmap: LabelMap, target: Vector, wanted: Wanted) -> tuple[Vector, f
 
 
 def _regions(
-    labelmap: LabelMap, segments: list[Segment], frame: Frame
+    labelmap: LabelMap, segments: list[Segment], frame: ImageFrame
 ) -> tuple[dict[str, Contour], list[str]]:
     """Return contours by region, those that enclose others first, and what there is to say."""
     found: dict[str, Contour] = {}

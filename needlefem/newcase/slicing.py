@@ -10,7 +10,7 @@ from needlefem._arrays import Floats, Points, Vector
 from needlefem._toml import brief
 from needlefem.errors import CaseError
 from needlefem.geometry.contour import Contour
-from needlefem.geometry.image_frame import Frame, Voxels
+from needlefem.geometry.image_frame import ImageFrame, Voxels
 from needlefem.image.labelmap import LabelMap, Segment
 
 SMOOTHING = 1.2
@@ -31,7 +31,7 @@ LEAST = 4.0
 
 def needle_plane(
     voxels: Voxels, space: str, target: Vector, direction: Vector, across: Vector | None = None
-) -> Frame:
+) -> ImageFrame:
     """Return the plane through the needle, its point (0, 0) at the target.
 
     Parameters
@@ -66,7 +66,7 @@ def needle_plane(
     side = side / np.linalg.norm(side)
     axes = tuple(tuple(float(x) + 0.0 for x in axis) for axis in (side, along))
     origin = tuple(float(x) for x in target)
-    return Frame(space=space, origin=origin, axes=axes, voxels=voxels)
+    return ImageFrame(space=space, origin=origin, axes=axes, voxels=voxels)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Outlines:
     holes: int
 
 
-def outlines(labelmap: LabelMap, segment: Segment, frame: Frame) -> Outlines:
+def outlines(labelmap: LabelMap, segment: Segment, frame: ImageFrame) -> Outlines:
     """Return a segment's outlines in a plane.
 
     The segment is smoothed by a Gaussian as wide as its steps are high (`SMOOTHING`) where it is
@@ -111,7 +111,7 @@ def outlines(labelmap: LabelMap, segment: Segment, frame: Frame) -> Outlines:
     return Outlines(contours, small + int(np.count_nonzero(lost)), holes)
 
 
-def cut_sides(labelmap: LabelMap, segment: Segment, frame: Frame, cut: Outlines) -> list[str]:
+def cut_sides(labelmap: LabelMap, segment: Segment, frame: ImageFrame, cut: Outlines) -> list[str]:
     """Return a sentence for every side of the image at which it cuts a segment off.
 
     The outlines in the plane then follow the image's edge there, or are not concerned.
@@ -166,7 +166,7 @@ def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, Floats, flo
 
 
 def _ticks(
-    voxels: Voxels, shape: tuple[int, ...], start: Floats, frame: Frame
+    voxels: Voxels, shape: tuple[int, ...], start: Floats, frame: ImageFrame
 ) -> tuple[Floats, Floats]:
     """Return samples along both axes of the plane that cover a block of voxels."""
     corners = np.array(np.meshgrid(*[(0, n - 1) for n in shape[::-1]])).reshape(3, -1).T

@@ -17,13 +17,13 @@ import numpy as np
 from scipy import sparse
 
 from needlefem._arrays import Floats, Ints, Sparse, Vector
-from needlefem.fem.compliance import Responses
-from needlefem.fem.tissue_model import Model
-from needlefem.fem.two_level_solver import Nested
+from needlefem.fem.compliance import ComplianceOperator
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.fem.two_level_solver import TwoLevelSolver
 from needlefem.geometry.contour import Contour
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.refine import halved
+from needlefem.mesh.refine import uniformly_refined
 from needlefem.planning.reading import ROUND_OFF, Reader, at_jump, broke_off, state_at
 from needlefem.planning.result import Estimate, Plan
 from needlefem.scene import BoxMesh, Scene, vary
@@ -72,7 +72,7 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estim
     contours = _fitted_to(simulation.scene)
     if contours and finer.model.mesh is not simulation.model.mesh:
         # straight edges cut a contour's corners; that may cancel the rest: the larger counts
-        rounder = build_model(finer.scene, halved(simulation.model.mesh, contours))
+        rounder = build_model(finer.scene, uniformly_refined(simulation.model.mesh, contours))
         other = offset_on(Simulation(finer.scene, rounder), simulation, plan)
         offset = max(offset, other, key=lambda move: float(np.linalg.norm(move)))
     path = path or _long_pieces(simulation.scene)
@@ -100,7 +100,7 @@ def _refuse_unusable(plan: Plan) -> None:
         raise NoEstimateError("there is no release")
     if broke_off(plan.insertion):
         raise NoEstimateError("the insertion broke off")
-    depth = float(plan.insertion.axis.along(best.release_point))
+    depth = float(plan.insertion.axis.axial_coordinate(best.release_point))
     if cut is None or depth <= cut:
         raise NoEstimateError("the skin is not cut where the tip releases")
     if at_jump(plan.insertion, depth):
@@ -118,7 +118,7 @@ def finer_tissue(simulation: Simulation) -> tuple[Simulation, str, float]:
         model.locate_as(simulation.model)
         return Simulation(finer, model), f"{better} on the same cells", 1.0
     finer = vary(scene, points)
-    model = build_model(finer, halved(mesh))
+    model = build_model(finer, uniformly_refined(mesh))
     return Simulation(finer, model), f"{row.name} on cells half as large", HALVED
 
 
@@ -147,18 +147,18 @@ def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     """
     assert plan.best is not None
     insertion = plan.insertion
-    number = state_at(insertion, float(insertion.axis.along(plan.best.release_point)))
+    number = state_at(insertion, float(insertion.axis.axial_coordinate(plan.best.release_point)))
     if not _marched(insertion, number):
         return _carried_out(finer, plan)
     axis, state = insertion.axis, insertion.states[number]
     own = _Contact(simulation.model, axis.frame, _on_own(insertion, number))
     other = _Contact(finer.model, axis.frame, _on_finer(finer, insertion, number))
     tip = np.concatenate([[state.tip_force], state.tip_lateral])
-    forces = np.vstack([tip, np.column_stack([state.axial, state.lateral])])
+    forces = np.vstack([tip, np.column_stack([state.friction_force, state.lateral_force])])
     change = other.moved(forces, _solver(finer.model, simulation.model)) - own.moved(forces)
-    held = np.array([piece.compliance for piece in insertion.pieces[: len(state.axial)]])
+    held = np.array([piece.compliance for piece in insertion.pieces[: len(state.friction_force)]])
     at_tip = change[0] + own.follow(change[1:, 1:], held, simulation.responses)
-    moved: Vector = -at_tip[0] * _rate(insertion, number) - at_tip[1:] @ axis.laterals
+    moved: Vector = -at_tip[0] * _rate(insertion, number) - at_tip[1:] @ axis.lateral_directions
     return moved
 
 
@@ -167,7 +167,7 @@ def _marched(insertion: Insertion, number: int) -> bool:
     first = insertion.first_cut
     if first is None or insertion.energies is not None:  # which only steps keep
         return False
-    return len(insertion.states[number].axial) == number - first + 1
+    return len(insertion.states[number].friction_force) == number - first + 1
 
 
 def _rate(insertion: Insertion, number: int) -> Vector:
@@ -202,7 +202,7 @@ def _carried_out(other: Simulation, plan: Plan) -> Vector:
     """
     assert plan.best is not None
     entry = other.entry_through(plan.best.release_point)
-    depth = float(plan.insertion.axis.along(plan.best.release_point))
+    depth = float(plan.insertion.axis.axial_coordinate(plan.best.release_point))
     beyond = depth + 3.0 * other.scene.discretisation.path_spacing
     found = other.insert(entry, lambda state: state.depth > beyond)
     reading = Reader(found, plan.target).at_depth(depth)
@@ -211,10 +211,10 @@ def _carried_out(other: Simulation, plan: Plan) -> Vector:
     return np.asarray(reading.reach.point - plan.best.placed_at)
 
 
-def _solver(finer: Model, coarser: Model) -> Callable[[Floats], Floats]:
+def _solver(finer: TissueModel, coarser: TissueModel) -> Callable[[Floats], Floats]:
     """Return what solves on the finer tissue: cheaper where no element has a pressure."""
     if finer.element.definite and coarser.element.definite:
-        return Nested(finer, coarser).solve
+        return TwoLevelSolver(finer, coarser).solve
     return finer.solve
 
 
@@ -223,14 +223,14 @@ class _Contact:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     frame : array, shape (dim, dim)
         The needle's.
     means : sparse array, shape (1 + npieces, nnodes)
         Mean displacements over the tip's kernel and over the pieces are ``means @ field``.
     """
 
-    def __init__(self, model: Model, frame: Floats, means: Sparse) -> None:
+    def __init__(self, model: TissueModel, frame: Floats, means: Sparse) -> None:
         self._model, self._frame, self._means = model, frame, means
 
     def moved(self, forces: Floats, solve: Callable[[Floats], Floats] | None = None) -> Floats:
@@ -240,7 +240,7 @@ class _Contact:
         found: Floats = self._means @ field @ self._frame.T
         return found
 
-    def follow(self, gaps: Floats, held: Floats, responses: Responses) -> Vector:
+    def follow(self, gaps: Floats, held: Floats, responses: ComplianceOperator) -> Vector:
         """Return how the tip moves when the shaft is brought back onto the axis, shape (dim,).
 
         Parameters
@@ -249,7 +249,7 @@ class _Contact:
             By which the pieces are off.
         held : array, shape (npieces,), m/N
             Compliance of their lateral hold.
-        responses : Responses
+        responses : ComplianceOperator
             Of this tissue, where the needle touched it.
         """
         functionals = self._rows(responses)
@@ -264,7 +264,7 @@ class _Contact:
         found: Vector = -moved[: self._model.dim] @ np.linalg.solve(stiff, gaps.ravel())
         return found
 
-    def _rows(self, responses: Responses) -> Sparse:
+    def _rows(self, responses: ComplianceOperator) -> Sparse:
         """Return the functionals' components over the rows of the responses."""
         touched = np.unique(self._means.indices)
         slots, dim = responses.rows(touched).reshape(len(touched), -1), self._model.dim
@@ -286,7 +286,9 @@ def _on_finer(finer: Simulation, insertion: Insertion, number: int) -> Sparse:
     """Return the same functionals on another tissue."""
     first = insertion.first_cut
     assert first is not None
-    needle = finer.instrument(finer.entry_through(insertion.axis.tip(insertion.depths[number])))
+    needle = finer.instrument(
+        finer.entry_through(insertion.axis.tip_position(insertion.depths[number]))
+    )
     path = insertion.tips[first : number + 1]
     parts = [needle.tip(insertion.tips[number]), needle.tip(path[0]), needle.pieces(path)]
     return _means([(part.nodes, row) for part in parts for row in part.rows], finer.model.nnodes)

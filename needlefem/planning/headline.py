@@ -9,7 +9,7 @@ It does not contain strains beyond those that small strain describes.
 import dataclasses
 from collections.abc import Mapping
 
-from needlefem.insertion.validity import Validity
+from needlefem.insertion.validity import StrainCheck
 from needlefem.planning.result import Evidence, Plan, PlanStatus
 
 SMALL = 0.01
@@ -29,14 +29,14 @@ class Headline:
         what the ``search`` left.
     unknown : str
         Why there is none.
-    validity : Validity or None
+    validity : StrainCheck or None
         Strains at the release: what those beyond the limit do to the placement is in no number.
     """
 
     placement_error: float | None
     contains: Mapping[str, float]
     unknown: str
-    validity: Validity | None
+    validity: StrainCheck | None
 
     @property
     def error(self) -> str:

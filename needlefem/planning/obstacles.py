@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from needlefem._arrays import Vector
 from needlefem.needle.clearance import Interval, Passing, blocked, gaps, merged, passings
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.planning.result import Release
 from needlefem.planning.search import Solution
 from needlefem.scene import Scene
@@ -30,16 +30,18 @@ class Obstacles:
     Parameters
     ----------
     scene : Scene
-    level : Axis
+    level : InsertionAxis
         The needle's line at height 0.
     """
 
-    def __init__(self, scene: Scene, level: Axis) -> None:
+    def __init__(self, scene: Scene, level: InsertionAxis) -> None:
         self._scene, self._level = scene, level
 
     def passings(self, release_point: Vector) -> tuple[Passing, ...]:
         """Return how a needle with its tip at a point passes every obstacle."""
-        return passings(self._scene.obstacles, Axis(release_point, self._level.direction), 0.0)
+        return passings(
+            self._scene.obstacles, InsertionAxis(release_point, self._level.direction), 0.0
+        )
 
     def barrier(self, release: Release | None) -> Passing | None:
         """Return the obstacle to which a release comes nearest of those it is too near."""
@@ -72,14 +74,16 @@ class Obstacles:
         without : Release
             The best one without obstacles.
         """
-        depth = float(self._level.along(without.release_point))
+        depth = float(self._level.axial_coordinate(without.release_point))
         while True:
             found = [find(interval) for interval in self.allowed(depth, within)]
             reached = [one for one in found if one.release is not None]
             best = min(reached, key=_error, default=None)
             if best is None or best.release is None or self.barrier(best.release) is None:
                 return best
-            depth = max(depth, float(self._level.along(best.release.release_point))) + DEEPER
+            depth = (
+                max(depth, float(self._level.axial_coordinate(best.release.release_point))) + DEEPER
+            )
 
 
 def _error(candidate: Candidate) -> float:

@@ -127,7 +127,7 @@ def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
         missing |= dict.fromkeys(("energy", "validity"), why)
     else:
         energies = ledger(insertion)
-        depth = float(insertion.axis.along(found.best.release_point))
+        depth = float(insertion.axis.axial_coordinate(found.best.release_point))
         if at_jump(insertion, depth):
             missing["validity"] = "the tip jumps at the depth of the release"
         else:

@@ -10,7 +10,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.needle.clearance import Interval
 from needlefem.planning.obstacles import Candidate, Obstacles
 from needlefem.planning.reading import ROUND_OFF, Reader, Reading, Why, limit_sentence
@@ -57,13 +57,13 @@ class Planner:
             raise CaseError("target.point", f"{where} is outside the tissue", "move it inside")
         self.entry = simulation.entry_through(target)
         axis = simulation.instrument(self.entry).axis
-        self.laterals = axis.laterals
+        self.laterals = axis.lateral_directions
         self.obstacles = Obstacles(simulation.scene, axis)
         self._level: Floats = np.zeros(len(self.laterals))
         self._known: dict[tuple[float, ...], Reader] = {}
         self._max_depth = simulation.scene.motion.max_depth
 
-    def path(self, height: Floats) -> Path:
+    def path(self, height: Floats) -> TipTrajectory:
         """Return the cut path at a height (shape (dim - 1,), m, relative to the target's)."""
         return self.read(height).path
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.trajectory import Path, Reach
+from needlefem.insertion.trajectory import TipPoint, TipTrajectory
 
 BROKEN = (Status.NOT_CONVERGED, Status.NO_NODE, Status.RESTICK)
 """How an insertion ends that could not be computed further."""
@@ -34,14 +34,14 @@ class Reading(NamedTuple):
 
     Parameters
     ----------
-    reach : Reach or None
+    reach : TipPoint or None
     why : Why or None
         With a point, what keeps the needle from a better one.
     sentence : str
         The same for a reader.
     """
 
-    reach: Reach | None
+    reach: TipPoint | None
     why: Why | None = None
     sentence: str = ""
 
@@ -71,14 +71,14 @@ class Reader:
     def __init__(
         self, insertion: Insertion, target: Vector, max_depth: float | None = None
     ) -> None:
-        self.insertion, self.target, self.path = insertion, target, Path(insertion)
+        self.insertion, self.target, self.path = insertion, target, TipTrajectory(insertion)
         self._max_depth = insertion.scene.motion.max_depth if max_depth is None else max_depth
 
     def level(self) -> Reading:
         """Return where the tip is level with the target along the needle."""
         if broke_off(self.insertion):
             return self._broken()
-        reach = self.path.abeam(self.target)
+        reach = self.path.at_target_depth(self.target)
         if reach is None:
             return self._ended("the tip comes level with the target")
         if reach.depth > self._max_depth + ROUND_OFF:
@@ -120,7 +120,9 @@ class Reader:
     def _passed(self) -> bool:
         """Say whether the tip came level with the target, or went past it by a jump."""
         tips, axis = self.insertion.tips, self.insertion.axis
-        return bool(np.max(axis.along(tips)) >= float(axis.along(self.target)))
+        return bool(
+            np.max(axis.axial_coordinate(tips)) >= float(axis.axial_coordinate(self.target))
+        )
 
     def _broken(self) -> Reading:
         deepest = 100.0 * float(self.insertion.depths.max(initial=0.0))

@@ -8,7 +8,7 @@ from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.discretised import Discretised
 from needlefem.insertion.result import Insertion, Ledger
-from needlefem.insertion.validity import Validity
+from needlefem.insertion.validity import StrainCheck
 from needlefem.needle.clearance import Passing
 from needlefem.planning.search import Solution
 
@@ -136,7 +136,7 @@ class Evidence:
         Checks of the very discretisation, run before planning.
     ledger : Ledger or None
         Energies of the planned insertion.
-    validity : Validity or None
+    validity : StrainCheck or None
         Strains at the planned release.
     estimate : Estimate or None
         Of the placement's discretisation error; None if it was not asked for or can't be had.
@@ -155,7 +155,7 @@ class Evidence:
 
     preflight: tuple[CheckResult, ...]
     ledger: Ledger | None
-    validity: Validity | None
+    validity: StrainCheck | None
     estimate: Estimate | None = None
     trail: tuple[Attempt, ...] = ()
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)

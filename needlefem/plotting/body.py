@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.mesh.generation import BACKGROUND
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
@@ -20,7 +20,7 @@ class Body:
     Parameters
     ----------
     canvas : Canvas
-    space : Space
+    space : FunctionSpace
         Of plane tissue or of tissue in space.
 
     Attributes
@@ -30,7 +30,7 @@ class Body:
     surface : Surface
     """
 
-    def __init__(self, canvas: Canvas, space: Space) -> None:
+    def __init__(self, canvas: Canvas, space: FunctionSpace) -> None:
         self.canvas, self.space = canvas, space
         self.surface = Surface(space, canvas.behind(space.mesh))
         self.data = canvas.polygons(self.surface.rest, self.surface.polygons)

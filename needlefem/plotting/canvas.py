@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.style import Style
 
@@ -34,12 +34,12 @@ class Canvas:
     ----------
     plotter : pyvista.Plotter
         With this panel as its active subplot.
-    axis : Axis
+    axis : InsertionAxis
         The needle's line.
     style : Style
     """
 
-    def __init__(self, plotter: Any, axis: Axis, style: Style) -> None:
+    def __init__(self, plotter: Any, axis: InsertionAxis, style: Style) -> None:
         self.plotter, self.axis, self.style = plotter, axis, style
         self._pv = renderer()
         wide, high = plotter.renderer.GetSize()
@@ -48,10 +48,10 @@ class Canvas:
     def screen(self, points: Points, layer: float = 0.0) -> Floats:
         """Return screen coordinates of points, shape (n, dim), as (n, 3), m."""
         points = np.atleast_2d(points)
-        across = np.stack([-self.axis.direction, self.axis.laterals[0]], axis=1)
+        across = np.stack([-self.axis.direction, self.axis.lateral_directions[0]], axis=1)
         height = np.full(len(points), LAYER * layer)
         if points.shape[1] == 3:
-            height = height + self.axis.offset(points)[:, 1]
+            height = height + self.axis.lateral_offset(points)[:, 1]
         return np.column_stack([points @ across, height])
 
     def plane(self, points: Points, layer: float) -> Floats:
@@ -65,7 +65,7 @@ class Canvas:
         if mesh.dim() == 2:
             return np.ones(mesh.nelements, dtype=bool)
         middles = mesh.p[:, mesh.t].mean(axis=1).T
-        found: Bools = self.axis.offset(middles)[:, 1] <= 0.0
+        found: Bools = self.axis.lateral_offset(middles)[:, 1] <= 0.0
         return found
 
     def polygons(self, points: Points, corners: Ints) -> Any:
@@ -122,7 +122,7 @@ class Canvas:
 
     def needle_corners(self, tip: Vector, radius: float, length: float) -> Floats:
         """Return the needle's outline, tip first; `length` (m) of it is shown."""
-        back, side = -self.axis.direction, 0.5 * radius * self.axis.laterals[0]
+        back, side = -self.axis.direction, 0.5 * radius * self.axis.lateral_directions[0]
         neck, end = tip + 1.6 * radius * back, tip + length * back
         return np.array([tip, neck + side, end + side, end - side, neck - side])
 
@@ -135,7 +135,7 @@ class Canvas:
         return shapes
 
     def _square(self, point: Vector, size: Floats | float) -> Floats:
-        frame = np.stack([-self.axis.direction, self.axis.laterals[0]])
+        frame = np.stack([-self.axis.direction, self.axis.lateral_directions[0]])
         corners: Floats = point + (0.5 * np.asarray(size) * SQUARE) @ frame
         return corners
 
@@ -153,7 +153,7 @@ class Canvas:
     def disc(self, point: Vector, size: float, colour: str, layer: float = 6) -> Any:
         """Draw a disc, `size` m wide."""
         turn = 2.0 * np.pi * np.arange(32) / 32
-        frame = np.stack([-self.axis.direction, self.axis.laterals[0]])
+        frame = np.stack([-self.axis.direction, self.axis.lateral_directions[0]])
         ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
         self.polygon(point + (0.5 * size + 0.06 * size) * ring @ frame, "white", layer - 0.5)
         return self.polygon(point + 0.5 * size * ring @ frame, colour, layer)

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from needlefem._arrays import Floats, Points
-from needlefem.fem.tissue_model import Model
-from needlefem.needle.insertion_axis import Axis
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.body import Body
 from needlefem.plotting.canvas import Canvas
@@ -23,7 +23,7 @@ SWING = 0.06
 
 
 def draw_modes(
-    scene: Scene, model: Model, frequencies: Floats, shapes: Sequence[Points], path: Path
+    scene: Scene, model: TissueModel, frequencies: Floats, shapes: Sequence[Points], path: Path
 ) -> Path:
     """Draw the tissue deformed by modes, a panel each, under their frequencies (Hz).
 
@@ -42,7 +42,7 @@ def draw_modes(
         off_screen=True, shape=(down, across), window_size=[560 * across, 600 * down], border=False
     )
     plotter.set_background(style.background)
-    axis = Axis(model.nodes[0], np.array(scene.motion.direction))
+    axis = InsertionAxis(model.nodes[0], np.array(scene.motion.direction))
     size = float(np.ptp(model.nodes, axis=0).max())
     for number, (hertz, shape) in enumerate(zip(frequencies, shapes, strict=True)):
         plotter.subplot(number // across, number % across)

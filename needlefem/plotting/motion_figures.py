@@ -61,7 +61,7 @@ def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
     states = [state for state in insertion.states if not state.jumping]
     stiffness = insertion.instrument.lateral_stiffness
     lengths = [1.0 / (p.compliance * stiffness) for p in insertion.pieces[1:]]
-    last = max((s.covered for s in states), default=0.0)
+    last = max((s.inserted_length for s in states), default=0.0)
     places = np.concatenate([[0.0], np.cumsum(lengths)])
     places = np.append(places, last) if last > places[-1] * (1.0 + 1e-9) else places
     times = np.array([state.time for state in states])

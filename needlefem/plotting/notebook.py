@@ -135,5 +135,5 @@ def _drawn(draw: Callable[[Path], Path]) -> bytes | None:
 def _release_depth(plan: Plan) -> float | None:
     if plan.best is None:
         return None
-    depth = float(plan.insertion.axis.along(plan.best.release_point))
+    depth = float(plan.insertion.axis.axial_coordinate(plan.best.release_point))
     return min(depth, float(np.max(plan.insertion.depths)))

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from needlefem._arrays import Bools, Floats, Vector
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Path as CutPath
+from needlefem.insertion.trajectory import TipTrajectory as CutPath
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import Reader, broke_off
 from needlefem.planning.result import Plan
@@ -64,7 +64,7 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     if inside.any():
         lines[0] = (style.seed, lines[0][1] + "; bold: it rests in the target's region")
     if plan.depth_only is not None:
-        at = 100.0 * float(insertion.axis.along(plan.depth_only.release_point))
+        at = 100.0 * float(insertion.axis.axial_coordinate(plan.depth_only.release_point))
         least = 100.0 * plan.depth_only.placement_error
         lines.append((style.target, f"best depth {at:.2f} cm: error {least:.2g} cm"))
     plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
@@ -108,7 +108,7 @@ def draw_height(
     )
     plotter.set_background(style.background)
     assert plan.best is not None
-    height = 100.0 * float(plan.best.release_point @ plan.insertion.axis.laterals[0])
+    height = 100.0 * float(plan.best.release_point @ plan.insertion.axis.lateral_directions[0])
     best = dots[np.argmin(np.abs(dots[:, 0] - height))]
     label = f"plan: height {best[0]:.2f} cm, depth {best[1]:.2f} cm"
     for number, quantity in enumerate(("best depth (cm)", "placement error (cm)"), start=1):
@@ -144,7 +144,7 @@ def _closest(insertion: Insertion, target: Vector) -> tuple[float, float, float]
 
     None where the insertion broke off, or the skin is not cut.
     """
-    reach, lateral = Reader(insertion, target).nearest().reach, insertion.axis.laterals[0]
+    reach, lateral = Reader(insertion, target).nearest().reach, insertion.axis.lateral_directions[0]
     if reach is None:
         return None
     apart = reach.point - target

@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem._arrays import Floats
 from needlefem.errors import CaseError, nearest
-from needlefem.fem.recovery import CellValues
+from needlefem.fem.recovery import CellFields
 from needlefem.insertion.validity import LARGE_STRAIN
 from needlefem.plotting.panel import Scale
 
@@ -38,24 +38,24 @@ class Quantity:
 
     label: str
     factor: float
-    values: Callable[[CellValues, Floats], Floats]
+    values: Callable[[CellFields, Floats], Floats]
     nodal: bool = False
     signed: bool = False
     note: str = ""
 
-    def of(self, cells: CellValues, u: Floats) -> Floats:
+    def of(self, cells: CellFields, u: Floats) -> Floats:
         """Return the values in the label's unit."""
         found: Floats = self.factor * self.values(cells, u)
         return found
 
 
-def _displacement(cells: CellValues, u: Floats) -> Floats:
+def _displacement(cells: CellFields, u: Floats) -> Floats:
     moved = u[cells.model.basis.nodal_dofs]
     size: Floats = np.linalg.norm(moved, axis=0)
     return size
 
 
-def _validity(cells: CellValues, u: Floats) -> Floats:
+def _validity(cells: CellFields, u: Floats) -> Floats:
     """Return the strain relative to what small strain describes; NaN in cells turned over."""
     share: Floats = cells.largest_strain(u) / LARGE_STRAIN
     return np.where(cells.volume_ratio(u) > 0.0, share, np.nan)

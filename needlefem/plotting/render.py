@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.fem.recovery import CellValues
+from needlefem.fem.recovery import CellFields
 from needlefem.insertion.result import Insertion
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.images import Image, save, save_moving, save_still
@@ -188,7 +188,7 @@ def looks(
         return [Look(style=shot.style) for _ in films]
     shown, values = quantity(shot.field), []
     for film, moments in zip(films, times, strict=True):
-        cells = CellValues(film.model)
+        cells = CellFields(film.model)
         values += [shown.of(cells, moment.u) for moment in film.moments(moments)]
     return [Look(field=shown, scale=scale_of(shown, values), style=shot.style) for _ in films]
 

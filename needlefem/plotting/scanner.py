@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.geometry.image_frame import Frame
+from needlefem.geometry.image_frame import ImageFrame
 from needlefem.scene import Scene
 
 POINTS = ("target", "release_point", "placed_at", "released_at", "now_at", "entry")
@@ -30,7 +30,7 @@ def with_scanner(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     return {**record, "frame": dataclasses.asdict(frame), "scanner": found | _points(record, frame)}
 
 
-def _points(record: Mapping[str, Any], frame: Frame) -> dict[str, Any]:
+def _points(record: Mapping[str, Any], frame: ImageFrame) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in record.items():
         if key in POINTS:

@@ -8,7 +8,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Points, Vector
 from needlefem.insertion.simulation import Simulation
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.body import Body
 from needlefem.plotting.canvas import Canvas
@@ -41,7 +41,7 @@ def draw_setup(
     """
     simulation, style = Simulation(scene), style or Style()
     entry = simulation.entry_of_case()
-    axis = Axis(entry.point, simulation.direction)
+    axis = InsertionAxis(entry.point, simulation.direction)
     plotter = renderer().Plotter(off_screen=True, window_size=list(size), border=False)
     plotter.set_background(style.background)
     drawing = _Setup(plotter, simulation, axis, style)
@@ -50,7 +50,9 @@ def draw_setup(
 
 
 class _Setup:
-    def __init__(self, plotter: Any, simulation: Simulation, axis: Axis, style: Style) -> None:
+    def __init__(
+        self, plotter: Any, simulation: Simulation, axis: InsertionAxis, style: Style
+    ) -> None:
         self.simulation, self.axis, self.style = simulation, axis, style
         self.scene, self.mesh = simulation.scene, simulation.model.mesh
         self.canvas = Canvas(plotter, axis, style)
@@ -109,13 +111,18 @@ class _Setup:
     def _needle(self) -> None:
         canvas, scene, axis = self.canvas, self.scene, self.axis
         radius = scene.needle.tip_radius
-        ready = axis.tip(-0.02 * self.span)
+        ready = axis.tip_position(-0.02 * self.span)
         canvas.needle(ready, radius, 4.0 * self.span)
         dashes = np.linspace(0.0, scene.motion.max_depth, 2 * 20)
         for start, end in zip(dashes[::2], dashes[1::2], strict=True):
-            canvas.polyline(np.stack([axis.tip(start), axis.tip(end)]), self.style.needle, 2.0, 3)
-        canvas.disc(axis.tip(0.0), 1.2 * radius, self.style.path)
-        canvas.disc(axis.tip(scene.motion.max_depth), 1.0 * radius, self.style.needle)
+            canvas.polyline(
+                np.stack([axis.tip_position(start), axis.tip_position(end)]),
+                self.style.needle,
+                2.0,
+                3,
+            )
+        canvas.disc(axis.tip_position(0.0), 1.2 * radius, self.style.path)
+        canvas.disc(axis.tip_position(scene.motion.max_depth), 1.0 * radius, self.style.needle)
         if scene.target is not None:
             canvas.target(np.array(scene.target), 2.0 * radius)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.fem.recovery import CellValues
+from needlefem.fem.recovery import CellFields
 from needlefem.insertion.result import Insertion
 from needlefem.io.files import writing
 from needlefem.io.result_folder import ours, result_folder
@@ -31,7 +31,7 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
         At least two.
     """
     film, model, folder = Film(insertion), insertion.model, Path(folder)
-    values = CellValues(model)
+    values = CellFields(model)
     written = []
     check_count(count, "snapshots", insertion.scene.limits)
     times = np.linspace(0.0, float(film.times[-1]), max(count, 2))

@@ -39,7 +39,7 @@ class _Column:
 
     @property
     def depth(self) -> float:
-        return float(self.insertion.axis.along(self.release.release_point))
+        return float(self.insertion.axis.axial_coordinate(self.release.release_point))
 
 
 def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = False) -> Path:
@@ -104,7 +104,7 @@ def _tissue(canvas: Canvas, panel: Panel, column: _Column, moment: Moment) -> No
 
 def _window(canvas: Canvas, column: _Column) -> Window:
     """Show the needle's side of the tissue: from behind the skin to well past the target."""
-    depth = float(column.insertion.axis.along(column.target))
+    depth = float(column.insertion.axis.axial_coordinate(column.target))
     width = depth + 0.037
     centre = canvas.screen(column.target)[0, :2] + np.array([0.5 * depth - 0.0065, 0.0095])
     return Window(centre, width, 0.56 * width)
@@ -117,7 +117,7 @@ def _finish(canvas: Canvas, panel: Panel, column: _Column, title: str) -> None:
 
 def _before(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:
     _tissue(canvas, panel, column, column.film.undeformed())
-    canvas.needle(column.insertion.axis.tip(0.0), radius, 0.05)
+    canvas.needle(column.insertion.axis.tip_position(0.0), radius, 0.05)
     canvas.target(column.target, 2.0 * radius)
     _finish(canvas, panel, column, f"{column.title}: before insertion")
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points
 from needlefem.elements.shape_functions import ShapeTable, shape_table
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 
 PIECES = 20_000
 """Triangles and quadrilaterals that curved cells are cut into, about."""
@@ -21,7 +21,7 @@ class Surface:
 
     Parameters
     ----------
-    space : Space
+    space : FunctionSpace
     shown : array, shape (ncells,), optional
         The cells to show, all when left out.
 
@@ -41,7 +41,7 @@ class Surface:
         Of an edge; 1 where it is straight.
     """
 
-    def __init__(self, space: Space, shown: Bools | None = None) -> None:
+    def __init__(self, space: FunctionSpace, shown: Bools | None = None) -> None:
         self.space, mesh = space, space.mesh
         self._local = np.arange(len(mesh.t))[None]
         if mesh.dim() == 3:

@@ -14,8 +14,8 @@ from scipy.ndimage import gaussian_filter
 from needlefem._arrays import Floats, Ints, Points
 from needlefem._inputfile import require_file
 from needlefem.errors import CaseError
-from needlefem.fem.tissue_model import Model
-from needlefem.needle.insertion_axis import Axis
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
 from needlefem.scene import Scene
@@ -83,13 +83,15 @@ def read_texture(path: str | Path) -> Texture:
         raise CaseError("texture", f"'{path}' can't be read ({error})", remedy) from None
 
 
-def synthetic_ultrasound(scene: Scene, model: Model, axis: Axis, seed: int = 2003) -> Texture:
+def synthetic_ultrasound(
+    scene: Scene, model: TissueModel, axis: InsertionAxis, seed: int = 2003
+) -> Texture:
     """Return made-up ultrasound of plane tissue: speckle, darker regions with bright rims.
 
     Speckle is the size of a sum of many random echoes under the beam's point spread (complex
     Gaussian noise, smoothed; J. W. Goodman 1976), shown in dB.
     """
-    corners = np.stack([-axis.direction, axis.laterals[0]], axis=1)
+    corners = np.stack([-axis.direction, axis.lateral_directions[0]], axis=1)
     at = model.mesh.p.T @ corners
     low, high = at.min(axis=0), at.max(axis=0)
     columns, rows = (max(int(n), 8) for n in np.ceil((high - low) / PIXEL))

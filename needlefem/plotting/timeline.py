@@ -9,7 +9,7 @@ import numpy as np
 from needlefem._arrays import Floats, Ints, Points
 from needlefem.insertion.fields import depends_on_time, displacements
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.state import Way
+from needlefem.insertion.state import TipPhase
 
 CHUNK = 64
 """States whose displacements are recovered at once."""
@@ -64,7 +64,9 @@ class Film:
             for points, within in zip(self.outlines, self._within, strict=True)
         ]
         states = insertion.states
-        cut = [n for n, s in enumerate(states) if s.way in (Way.CUTTING, Way.JUMPING)]
+        cut = [
+            n for n, s in enumerate(states) if s.tip_phase in (TipPhase.CUTTING, TipPhase.RUPTURE)
+        ]
         self._cut: Ints = np.array(cut, dtype=np.intp)
         self._path = insertion.tips[self._cut]
         self._path_weights = place(self._path) if cut else None

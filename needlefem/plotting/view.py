@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Floats, Points, Vector
-from needlefem.fem.recovery import CellValues
+from needlefem.fem.recovery import CellFields
 from needlefem.plotting.body import Body
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.panel import Panel, Scale, Window
@@ -59,7 +59,7 @@ class TissueView:
 
     def __init__(self, canvas: Canvas, film: Film, look: Look) -> None:
         self.canvas, self.film, self.look = canvas, film, look
-        self._cells = CellValues(film.model) if look.field and not look.field.nodal else None
+        self._cells = CellFields(film.model) if look.field and not look.field.nodal else None
         self._body = Body(canvas, film.model)
         start = film.undeformed()
         self._draw(start)
@@ -145,8 +145,11 @@ class View:
     def _draw_instruments(self) -> None:
         insertion = self.film.insertion
         scene, axis, canvas = insertion.scene, insertion.axis, self.canvas
-        radius, reach = scene.needle.tip_radius, float(np.ptp(axis.along(self.film.model.mesh.p.T)))
-        home = axis.tip(0.0)
+        radius, reach = (
+            scene.needle.tip_radius,
+            float(np.ptp(axis.axial_coordinate(self.film.model.mesh.p.T))),
+        )
+        home = axis.tip_position(0.0)
         self._needle = canvas.marker(canvas.needle(home, radius, 4.0 * reach), home)
         if scene.target is not None:
             canvas.target(np.array(scene.target), 2.0 * radius)
@@ -160,7 +163,7 @@ class View:
         canvas = self.canvas
         self._tissue.show(moment)
         self._path.points = canvas.plane(self._padded(moment.path), 2.5)
-        self._needle.to(self.film.insertion.axis.tip(moment.depth))
+        self._needle.to(self.film.insertion.axis.tip_position(moment.depth))
         for number, seed in enumerate(self._seeds):
             seed.to(moment.seeds[number] if number < len(moment.seeds) else self._nowhere)
         self.panel.line(self.caption(moment), 1)

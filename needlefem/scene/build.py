@@ -9,7 +9,7 @@ from needlefem._arrays import Floats, Points, SkfemMesh
 from needlefem._progress import doing
 from needlefem.elements import element_row
 from needlefem.errors import CaseError
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.geometry.contour import Contour
 from needlefem.mesh import generation as meshes
 from needlefem.mesh.cell_map import cell_measures
@@ -196,7 +196,9 @@ def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:
     return begin, begin + depth * direction
 
 
-def build_model(scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool = False) -> Model:
+def build_model(
+    scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool = False
+) -> TissueModel:
     """Return the scene's discretised tissue.
 
     Parameters
@@ -221,4 +223,6 @@ def build_model(scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool =
     materials = {name: scene.materials[material] for name, material in used.items()}
     row = element_row(scene.discretisation.element)
     supports = {} if floating else scene.supports
-    return Model(mesh, row, materials, supports, scene.axes, plane=scene.plane, floating=floating)
+    return TissueModel(
+        mesh, row, materials, supports, scene.axes, plane=scene.plane, floating=floating
+    )

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.scene.meshing import Coordinates
 from needlefem.validation import Validated
@@ -22,47 +22,47 @@ class Discretisation(Validated):
 
     TABLE = "discretisation"
 
-    element: str = knob("Element of the catalogue, or 'auto'", default="auto")
-    path_spacing: float = knob(
+    element: str = parameter("Element of the catalogue, or 'auto'", default="auto")
+    path_spacing: float = parameter(
         "Length of the pieces of the cut path that carry contact",
         "length",
         default=0.8e-3,
         low=0.0,
     )
-    kernel_points: int = knob(
+    kernel_points: int = parameter(
         "Quadrature points of the tip's kernel; 0 chooses by element size",
         default=0,
         low=0.0,
         closed=True,
     )
-    integrator: str = knob(
+    integrator: str = parameter(
         "March along the path, equilibrium step by step, with inertia, or what the scene needs",
         default="auto",
         choices=("auto", "march", "quasi-static", *DYNAMIC),
         refused=TISSUE_ALONE,
     )
-    time_step: float = knob(
+    time_step: float = parameter(
         "Longest time step; 0: that of half a piece of the path at the motion's speed",
         "time",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    rho_inf: float = knob(
+    rho_inf: float = parameter(
         "Generalised-alpha: by what motion that the step can't follow shrinks a step",
         default=0.8,
         low=0.0,
         high=1.0,
         closed=True,
     )
-    newmark_gamma: float = knob(
+    newmark_gamma: float = parameter(
         "Newmark: 0.5 is the average acceleration, more damps; beta goes with it",
         default=0.6,
         low=0.5,
         high=1.0,
         closed=True,
     )
-    mass: str = knob(
+    mass: str = parameter(
         "Mass of tissue with inertia, consistent or a lumping that the element has",
         default="consistent",
         choices=("consistent", "row-sum", "hrz"),
@@ -75,14 +75,16 @@ class Rayleigh(Validated):
 
     TABLE = "damping"
 
-    mass_rate: float = knob("Damping of velocities", "rate", default=0.0, low=0.0, closed=True)
-    stiffness_time: float = knob(
+    mass_rate: float = parameter("Damping of velocities", "rate", default=0.0, low=0.0, closed=True)
+    stiffness_time: float = parameter(
         "Damping of strain rates", "time", default=0.0, low=0.0, closed=True
     )
-    frequencies: Coordinates = knob(
+    frequencies: Coordinates = parameter(
         "Two frequencies with known damping, instead", "rate", default=(), low=0.0
     )
-    ratios: Coordinates = knob("Shares of critical damping there", default=(), low=0.0, closed=True)
+    ratios: Coordinates = parameter(
+        "Shares of critical damping there", default=(), low=0.0, closed=True
+    )
 
     def check(self) -> None:
         """See `Validated`."""
@@ -112,20 +114,20 @@ class Limits(Validated):
 
     TABLE = "limits"
 
-    memory: float = knob(
+    memory: float = parameter(
         "Most memory that mesh, stiffness and contact may take",
         "memory",
         default=8e9,
         low=1e6,
         closed=True,
     )
-    steps: int = knob(
+    steps: int = parameter(
         "Most pieces of the path, or time steps, of one motion",
         default=1_000_000,
         low=1.0,
         closed=True,
     )
-    count: int = knob(
+    count: int = parameter(
         "Most targets, seeds of a train, kernel points, snapshots, panels or frames",
         default=10_000,
         low=1.0,

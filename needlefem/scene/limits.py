@@ -8,7 +8,7 @@ scene's (`needlefem.scene.Limits`, ``[limits]`` in a case), so that who has the 
 
 import math
 
-from needlefem.elements import ElementRow, element_row
+from needlefem.elements import ElementType, element_row
 from needlefem.errors import CaseError
 from needlefem.scene import BoxMesh, Limits, Scene
 
@@ -98,7 +98,7 @@ def unknowns_per_cell(scene: Scene) -> float:
     return unknowns_of(element_row(scene.discretisation.element), scene.dim)
 
 
-def unknowns_of(row: ElementRow, dim: int) -> float:
+def unknowns_of(row: ElementType, dim: int) -> float:
     """Return about how many unknowns a cell of an element adds in a large mesh of the plane."""
     found = dim * _dofs_per_cell(row.make(), row.cell)
     return found + (_dofs_per_cell(row.pressure(), row.cell) if row.pressure else 0.0)

@@ -3,7 +3,7 @@
 import dataclasses
 from pathlib import Path
 
-from needlefem._parameter import knob
+from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.validation import Validated
 
@@ -18,24 +18,24 @@ class Refinement(Validated):
 
     TABLE = "mesh.refine"
 
-    corridor_size: float = knob(
+    corridor_size: float = parameter(
         "Element size along the needle", "length", default=0.0, low=0.0, closed=True
     )
-    corridor_width: float = knob(
+    corridor_width: float = parameter(
         "Full width of the refined corridor around the needle's line",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    corridor_depth: float = knob(
+    corridor_depth: float = parameter(
         "Depth below the skin to which the corridor reaches",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    contour_size: float = knob(
+    contour_size: float = parameter(
         "Element size along the contours of regions that have none of their own",
         "length",
         default=0.0,
@@ -53,15 +53,15 @@ class BoxMesh(Validated):
 
     TABLE = "mesh"
 
-    size: Coordinates = knob("Edge lengths of the box", "length", low=0.0)
-    origin: Coordinates = knob("Corner with the smallest coordinates", "length", default=())
-    divisions: tuple[int, ...] = knob("Squares along every axis", low=1.0, closed=True)
-    pattern: str = knob(
+    size: Coordinates = parameter("Edge lengths of the box", "length", low=0.0)
+    origin: Coordinates = parameter("Corner with the smallest coordinates", "length", default=())
+    divisions: tuple[int, ...] = parameter("Squares along every axis", low=1.0, closed=True)
+    pattern: str = parameter(
         "How a square is cut: into two triangles, into four, or left whole",
         default="diagonal",
         choices=("diagonal", "crossed", "quadrilateral"),
     )
-    interfaces: str = knob(
+    interfaces: str = parameter(
         "How cells meet a contour: assigned by their centroid, or moved onto it",
         default="centroid",
         choices=("centroid", "fitted"),
@@ -89,7 +89,7 @@ class FileMesh(Validated):
     TABLE = "mesh"
 
     path: Path
-    unit: float = knob("Length of one unit of the file's coordinates", "length", low=0.0)
-    cell: str = knob(
+    unit: float = parameter("Length of one unit of the file's coordinates", "length", low=0.0)
+    cell: str = parameter(
         "Shape of its cells", default="triangle", choices=("triangle", "quadrilateral")
     )

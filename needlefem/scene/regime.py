@@ -3,7 +3,7 @@
 import math
 from itertools import pairwise
 
-from needlefem.materials import branches_of, split
+from needlefem.materials import branches_of, volumetric_split
 from needlefem.scene import Motion, Scene
 
 SLOW = 0.01
@@ -42,7 +42,7 @@ def slowest_wave(scene: Scene) -> float:
     laws = scene.materials.values()
     if not all(law.density for law in laws):
         return math.inf
-    return min(math.sqrt(split(law).shear / law.density) for law in laws)
+    return min(math.sqrt(volumetric_split(law).shear / law.density) for law in laws)
 
 
 def damping_time(scene: Scene) -> float:

@@ -4,9 +4,9 @@ import dataclasses
 import math
 
 from needlefem._plugin import is_foreign
-from needlefem.elements import ElementRow, element_row
+from needlefem.elements import ElementType, element_row
 from needlefem.errors import CaseError
-from needlefem.materials import Material, split
+from needlefem.materials import Material, volumetric_split
 from needlefem.scene import DYNAMIC, BoxMesh, Discretisation, FileMesh, Scene, vary
 from needlefem.scene.regime import integrator_for, needs_steps
 
@@ -95,7 +95,7 @@ def _ratio(scene: Scene, material: Material) -> float:
 
     In plane stress the third direction gives way, and nothing locks.
     """
-    return 0.0 if scene.plane == "stress" else split(material).poissons_ratio
+    return 0.0 if scene.plane == "stress" else volumetric_split(material).poissons_ratio
 
 
 def cheapest(ratio: float) -> tuple[str, ...]:
@@ -202,7 +202,7 @@ def stick_warnings(scene: Scene) -> list[str]:
     ]
 
 
-def _locking(scene: Scene, row: ElementRow) -> list[str]:
+def _locking(scene: Scene, row: ElementType) -> list[str]:
     found = []
     plain, mixed, _ = CHEAPEST[cell_shape(scene)]
     for name, material in scene.materials.items():
@@ -216,7 +216,7 @@ def _locking(scene: Scene, row: ElementRow) -> list[str]:
     return found
 
 
-def _tip_warnings(scene: Scene, row: ElementRow) -> list[str]:
+def _tip_warnings(scene: Scene, row: ElementType) -> list[str]:
     if scene.needle.tip == "point":
         return ["a point tip never converges: the answer drifts with every refinement"]
     radius, size = scene.needle.tip_radius, tip_element_size(scene)
@@ -228,7 +228,7 @@ def _tip_warnings(scene: Scene, row: ElementRow) -> list[str]:
     return []
 
 
-def _spacing_warnings(scene: Scene, row: ElementRow) -> list[str]:
+def _spacing_warnings(scene: Scene, row: ElementType) -> list[str]:
     size = tip_element_size(scene)
     if size is None or scene.discretisation.path_spacing >= 0.3 * size / row.degree:
         return []

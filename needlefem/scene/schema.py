@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from needlefem._parameter import Knob, knob
+from needlefem._parameter import ParameterInfo, parameter
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem.supports import Support
 from needlefem.geometry.contour import Contour
-from needlefem.geometry.image_frame import Frame
+from needlefem.geometry.image_frame import ImageFrame
 from needlefem.materials import Material
 from needlefem.scene.discretization import Discretisation, Limits, Rayleigh
 from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
@@ -34,22 +34,24 @@ class Region(Validated):
     TABLE = "regions.NAME"
 
     contour: Contour
-    group: str | None = knob("Group of cells of the mesh file, instead of a contour", default=None)
-    material: str = knob("Name of its material")
-    contour_size: float = knob(
+    group: str | None = parameter(
+        "Group of cells of the mesh file, instead of a contour", default=None
+    )
+    material: str = parameter("Name of its material")
+    contour_size: float = parameter(
         "Element size along its contour; 0: mesh.refine.contour_size",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    cutting_force: float | None = knob(
+    cutting_force: float | None = parameter(
         "Cutting force here, where it differs from the needle's",
         "cutting force",
         default=None,
         low=0.0,
     )
-    shaft_friction: float | None = knob(
+    shaft_friction: float | None = parameter(
         "Shaft friction here, where it differs from the needle's",
         "shaft friction",
         default=None,
@@ -70,8 +72,10 @@ class Obstacle(Validated):
     TABLE = "obstacles.NAME"
 
     contour: Contour
-    region: str | None = knob("Region of the tissue that it is, instead of a contour", default=None)
-    clearance: float = knob(
+    region: str | None = parameter(
+        "Region of the tissue that it is, instead of a contour", default=None
+    )
+    clearance: float = parameter(
         "Least distance of the needle's line, from tip to hub", "length", low=0.0, closed=True
     )
 
@@ -87,38 +91,38 @@ class Needle(Validated):
 
     TABLE = "needle"
 
-    tip_radius: float = knob(
+    tip_radius: float = parameter(
         "Radius of the disc (ball) over which the tip's force is spread",
         "length",
         default=1.27e-3,
         low=0.0,
     )
-    tip: str = knob(
+    tip: str = parameter(
         "As thick as its radius, or a needle without thickness, which never converges",
         default="disc",
         choices=("disc", "point"),
     )
-    cutting_force: float = knob("Axial force at which the tip cuts", "cutting force", low=0.0)
-    shaft_friction: float = knob(
+    cutting_force: float = parameter("Axial force at which the tip cuts", "cutting force", low=0.0)
+    shaft_friction: float = parameter(
         "Friction limit per unit length of the cut path", "shaft friction", low=0.0, closed=True
     )
-    lateral_stiffness: float = knob(
+    lateral_stiffness: float = parameter(
         "Stiffness that holds the cut path on the axis, per unit of its length",
         "lateral stiffness",
         default=1e9,
         low=0.0,
     )
-    static_friction: float = knob(
+    static_friction: float = parameter(
         "Friction limit of what sticks, over that of what slips", default=1.0, low=1.0, closed=True
     )
-    weakening_length: float = knob(
+    weakening_length: float = parameter(
         "Slip over which friction falls from static to kinetic",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    stick_stiffness: float = knob(
+    stick_stiffness: float = parameter(
         "Stiffness of sticking along the needle, per unit of its length; 0: rigid, or chosen where "
         "the mesh can't tell apart what sticks",
         "lateral stiffness",
@@ -134,19 +138,19 @@ class Stage(Validated):
 
     TABLE = "motion.stages"
 
-    to: float | None = knob("Depth at its end", "length", default=None)
-    speed: float | None = knob(
+    to: float | None = parameter("Depth at its end", "length", default=None)
+    speed: float | None = parameter(
         "Speed, where it differs from the motion's", "speed", default=None, low=0.0
     )
-    hold: float | None = knob("How long the needle rests", "time", default=None, low=0.0)
-    release: str | None = knob("What the tip lets go of at its end, by a name", default=None)
-    train: int | None = knob(
+    hold: float | None = parameter("How long the needle rests", "time", default=None, low=0.0)
+    release: str | None = parameter("What the tip lets go of at its end, by a name", default=None)
+    train: int | None = parameter(
         "How many seeds are laid while retracting, the first where it starts",
         default=None,
         low=1.0,
         closed=True,
     )
-    pitch: float | None = knob("Distance of seeds in a train", "length", default=None, low=0.0)
+    pitch: float | None = parameter("Distance of seeds in a train", "length", default=None, low=0.0)
 
     def check(self) -> None:
         """See `Validated`."""
@@ -166,19 +170,19 @@ class Motion(Validated):
 
     TABLE = "motion"
 
-    direction: Coordinates = knob("Direction of insertion")
-    entry: Coordinates = knob(
+    direction: Coordinates = parameter("Direction of insertion")
+    entry: Coordinates = parameter(
         "Point of the skin; where the line through the target meets it when left out",
         "length",
         default=(),
     )
-    max_depth: float = knob("Largest feasible depth of the tip", "length", low=0.0)
-    speed: float = knob("Speed of insertion", "speed", default=5e-3, low=0.0)
-    stages: tuple[Stage, ...] = knob(
+    max_depth: float = parameter("Largest feasible depth of the tip", "length", low=0.0)
+    speed: float = parameter("Speed of insertion", "speed", default=5e-3, low=0.0)
+    stages: tuple[Stage, ...] = parameter(
         "Insert, hold, retract: one table for each; one insertion when left out", default=()
     )
-    times: Coordinates = knob("Times of a table, instead of stages", "time", default=())
-    depths: Coordinates = knob("Depths at these times", "length", default=())
+    times: Coordinates = parameter("Times of a table, instead of stages", "time", default=())
+    depths: Coordinates = parameter("Depths at these times", "length", default=())
 
     def check(self) -> None:
         """See `Validated`; the direction is made a unit vector."""
@@ -191,36 +195,40 @@ class Planning(Validated):
 
     TABLE = "planning"
 
-    height_range: tuple[float, float] = knob(
+    height_range: tuple[float, float] = parameter(
         "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
     )
-    directions: tuple[Coordinates, ...] = knob(
+    directions: tuple[Coordinates, ...] = parameter(
         "Directions to try in turn where obstacles block the motion's own", default=()
     )
-    search: str = knob(
+    search: str = parameter(
         "Root of the signed miss, golden section as in the paper, or a grid",
         default="root",
         choices=("root", "golden", "grid"),
     )
-    tolerance: float = knob(
+    tolerance: float = parameter(
         "Signed miss at which the root is accepted", "length", default=1e-8, low=0.0
     )
-    golden_tolerance: float = knob(
+    golden_tolerance: float = parameter(
         "Width of the height interval at which golden section and grid end",
         "length",
         default=1e-4,
         low=0.0,
     )
-    max_insertions: int = knob("Most insertions of one search", default=40, low=1.0, closed=True)
-    estimate: bool = knob("Whether to estimate what the elements do to the placement", default=True)
-    accuracy: float = knob(
+    max_insertions: int = parameter(
+        "Most insertions of one search", default=40, low=1.0, closed=True
+    )
+    estimate: bool = parameter(
+        "Whether to estimate what the elements do to the placement", default=True
+    )
+    accuracy: float = parameter(
         "Error of the placement that element, sizes and path spacing are chosen for; 0: the case's",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    max_unknowns: int = knob(
+    max_unknowns: int = parameter(
         "Most unknowns that are spent on an accuracy", default=100_000, low=1.0, closed=True
     )
 
@@ -240,9 +248,9 @@ class TargetDraw(Validated):
 
     TABLE = "targets"
 
-    region: str = knob("Region to draw in")
-    count: int = knob("How many targets", default=12, low=1.0, closed=True)
-    seed: int = knob("Seed of the random numbers", default=2003, low=0.0, closed=True)
+    region: str = parameter("Region to draw in")
+    count: int = parameter("How many targets", default=12, low=1.0, closed=True)
+    seed: int = parameter("Seed of the random numbers", default=2003, low=0.0, closed=True)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -251,11 +259,13 @@ class Outputs(Validated):
 
     TABLE = "outputs"
 
-    folder: str = knob("Folder of the results, relative to the working directory", default="out")
-    pictures: tuple[str, ...] = knob(
+    folder: str = parameter(
+        "Folder of the results, relative to the working directory", default="out"
+    )
+    pictures: tuple[str, ...] = parameter(
         "Pictures to draw: stages, depth, height", default=("stages", "depth", "height")
     )
-    strain_limit: float = knob(
+    strain_limit: float = parameter(
         "Largest strain away from the tip that small strain is trusted with; the first line says "
         "whether a result is beyond it",
         default=0.3,
@@ -275,7 +285,7 @@ class Expectation(Validated):
 
     key: str
     value: float | Coordinates
-    tolerance: float | None = knob(
+    tolerance: float | None = parameter(
         "Largest difference; an upper bound when left out", default=None, low=0.0, closed=True
     )
     unit: str = ""
@@ -301,19 +311,19 @@ class Scene(Validated):
     background: str
     regions: Mapping[str, Region]
     supports: Mapping[str, Support]
-    plane: str = knob("Plane strain or stress", default="strain", choices=("strain", "stress"))
+    plane: str = parameter("Plane strain or stress", default="strain", choices=("strain", "stress"))
     obstacles: Mapping[str, Obstacle] = dataclasses.field(default_factory=dict)
     damping: Rayleigh = dataclasses.field(default_factory=Rayleigh)
     discretisation: Discretisation = dataclasses.field(default_factory=Discretisation)
     needle: Needle
     motion: Motion
-    target: Coordinates | None = knob("Point to hit", "length", default=None)
+    target: Coordinates | None = parameter("Point to hit", "length", default=None)
     planning: Planning = Planning()
     targets: TargetDraw | None = None
     outputs: Outputs = Outputs()
     limits: Limits = dataclasses.field(default_factory=Limits)
     expect: tuple[Expectation, ...] = ()
-    frame: Frame | None = None
+    frame: ImageFrame | None = None
     source: Path | None = None
     overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
@@ -393,7 +403,7 @@ def point_of(raw: Any, dim: int, key: str) -> Coordinates:
     return found
 
 
-_POINT = Knob("A point", "length")
+_POINT = ParameterInfo("A point", "length")
 
 
 def unit(direction: Coordinates, key: str) -> Coordinates:

@@ -13,12 +13,12 @@ import numpy as np
 from needlefem._arrays import Floats, Points
 from needlefem.casefile.load import load_case
 from needlefem.errors import NeedlefemError
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.energy_balance import ledger
-from needlefem.insertion.motion_schedule import legs
+from needlefem.insertion.motion_schedule import motion_stages
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import Way
+from needlefem.insertion.state import TipPhase
 from needlefem.insertion.validity import validity
 from needlefem.io.files import to_json
 from needlefem.io.records import insertion_record, ledger_record
@@ -104,7 +104,7 @@ class Answer:
 
 
 def carry_out(
-    scene: Scene, command: str, model: Model | None = None
+    scene: Scene, command: str, model: TissueModel | None = None
 ) -> tuple[Answer, Insertion | None]:
     """Run or plan a scene; return where things end, and the insertion if there is one."""
     simulation = Simulation(scene, model)
@@ -201,7 +201,7 @@ def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Faul
         detail = f"a step creates {energies.given:.2e} of the turnover"
         yield Fault(requirement="energy created", detail=detail)
     if command == "run" and insertion.outcome.status is Status.COMPLETED:
-        wanted = legs(scene.motion)[-1].end
+        wanted = motion_stages(scene.motion)[-1].end
         off = states[-1].depth - wanted
         if abs(off) > SAME_DEPTH * scene.motion.max_depth:
             detail = f"the last depth is {states[-1].depth:.9g} m, {off:+.2e} m off {wanted:.9g} m"
@@ -215,7 +215,7 @@ def _outside(insertion: Insertion) -> Iterator[Fault]:
     """Yield a fault for tips and seeds outside the tissue."""
     model = insertion.model
     size = float(np.max(np.ptp(model.mesh.p, axis=1)))
-    within = [state for state in insertion.states if state.way is not Way.OUT]
+    within = [state for state in insertion.states if state.tip_phase is not TipPhase.OUTSIDE]
     places = {"tip": np.array([state.tip for state in within]).reshape(-1, model.dim)}
     seeds = [seed.point for seed in insertion.seeds if seed.inside]
     places["seed"] = np.array(seeds).reshape(-1, model.dim)
@@ -228,7 +228,7 @@ def _outside(insertion: Insertion) -> Iterator[Fault]:
             yield Fault(requirement="inside the tissue", detail=detail)
 
 
-def _distance_outside(model: Model, points: Points) -> Floats:
+def _distance_outside(model: TissueModel, points: Points) -> Floats:
     """Return the distance of every point outside the mesh from its boundary; 0 inside, m."""
     found = np.zeros(len(points))
     if not len(points):

@@ -9,7 +9,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, SkfemMesh
 from needlefem.casefile.load import load_case
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.geometry.contour import Contour
 from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_model
@@ -30,7 +30,7 @@ UNITS = Units(length=10.0 / 3.0, force=0.07, time=11.0)
 
 
 def check_symmetry(
-    case: DrawnCase, scene: Scene, model: Model, answer: Answer
+    case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer
 ) -> tuple[str, Fault | None]:
     """Return ``met``, ``missed`` with a fault, or ``several solutions``."""
     if case.check == "scaling":
@@ -75,7 +75,7 @@ def _scaled(case: DrawnCase, answer: Answer) -> tuple[float, str]:
     return distance(answer, found, UNITS.length * np.eye(2))
 
 
-def _moved(case: DrawnCase, scene: Scene, model: Model, answer: Answer) -> tuple[float, str]:
+def _moved(case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer) -> tuple[float, str]:
     cosine, sine = np.cos(ANGLE), np.sin(ANGLE)
     turn = np.array([[cosine, -sine], [sine, cosine]])
     if case.check == "mirror":
@@ -123,7 +123,7 @@ def turned_scene(scene: Scene, turn: Floats) -> Scene:
     return vary(scene, changes)
 
 
-def _sensitive(case: DrawnCase, scene: Scene, model: Model, answer: Answer) -> bool:
+def _sensitive(case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer) -> bool:
     """Say whether a change of the scene by `NUDGE` moves its answer by more than `SAME`."""
     needle = scene.needle
     for sign in (1.0, -1.0):
@@ -148,6 +148,6 @@ def _added(point: tuple[float, ...], step: Floats) -> tuple[float, ...]:
     return tuple((np.array(point) + step).tolist())
 
 
-def _nudged(case: DrawnCase, scene: Scene, model: Model, answer: Answer) -> bool:
+def _nudged(case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer) -> bool:
     found, _ = carry_out(scene, case.command, model)
     return distance(answer, found, np.eye(2))[0] > SAME

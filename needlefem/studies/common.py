@@ -4,7 +4,7 @@ import numpy as np
 
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Reach
+from needlefem.insertion.trajectory import TipPoint
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import Reader
 from needlefem.planning.result import Plan
@@ -18,7 +18,7 @@ def planner_of(scene: Scene) -> Planner:
     return Planner(Simulation(scene), np.array(scene.target))
 
 
-def carry_out(scene: Scene, plan: Plan) -> Reach | None:
+def carry_out(scene: Scene, plan: Plan) -> TipPoint | None:
     """Return where a planned release ends in another scene; None if it is not reached there.
 
     Nor is it where the insertion breaks off, or is deeper than the scene's motion may go.

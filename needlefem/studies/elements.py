@@ -12,7 +12,7 @@ from needlefem._arrays import Vector
 from needlefem._table import Table
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError
-from needlefem.materials import split
+from needlefem.materials import volumetric_split
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
@@ -66,7 +66,7 @@ def refined(scene: Scene) -> Scene:
 
 def locks(scene: Scene, name: str) -> bool:
     """Say whether an element locks at a Poisson's ratio of the scene."""
-    worst = max(split(material).poissons_ratio for material in scene.materials.values())
+    worst = max(volumetric_split(material).poissons_ratio for material in scene.materials.values())
     return worst > element_row(name).poissons_ratio_limit
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from needlefem._table import Table
 from needlefem.errors import SimulationError
-from needlefem.fem.compliance import SharedResponses
+from needlefem.fem.compliance import CachedCompliance
 from needlefem.scene import Scene
 from needlefem.studies.common import planner_of
 
@@ -21,7 +21,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     """Return the largest second differences, at the planned height."""
     del other
     planner = planner_of(scene)
-    planner.simulation.responses = SharedResponses(planner.simulation.model)
+    planner.simulation.responses = CachedCompliance(planner.simulation.model)
     start = planner.plan().solution.height
     rows: list[list[object]] = []
     for apart, bound in BOUNDS.items():

@@ -8,12 +8,12 @@ from needlefem.alterovitz2003.node_chain import LEAST_AREA
 from needlefem.alterovitz2003.tissue_in_time import TissueInTime
 from needlefem.dynamics import Damping, Newmark, TissueSystem
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.interpolation import Weights
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import Way
-from needlefem.insertion.trajectory import Path as CutPath
+from needlefem.insertion.state import TipPhase
+from needlefem.insertion.trajectory import TipTrajectory as CutPath
 from needlefem.scene import Scene, vary
 
 CALM = Newmark(beta=0.3025, gamma=0.6)
@@ -42,7 +42,7 @@ def least_ratio(mesh: MovableMesh) -> float:
     return float(mesh.ratios(every, mesh.corners(every)).min())
 
 
-def moved_model(model: Model, mesh: MovableMesh) -> Model:
+def moved_model(model: TissueModel, mesh: MovableMesh) -> TissueModel:
     """Return the tissue assembled anew by scikit-fem on the moved nodes."""
     import dataclasses
 
@@ -51,7 +51,7 @@ def moved_model(model: Model, mesh: MovableMesh) -> Model:
     vertex[model.cell_nodes] = model.mesh.t.T
     points[:, vertex] = mesh.points.T
     moved = dataclasses.replace(model.mesh, doflocs=points)
-    return Model(moved, model.element, model.materials, model.supports, model.axes)
+    return TissueModel(moved, model.element, model.materials, model.supports, model.axes)
 
 
 def test_element_matrices_are_those_of_scikit_fem(organ: Scene) -> None:
@@ -84,7 +84,7 @@ def test_responses_of_updated_matrices_are_those_of_assembled_ones(
     tissue, node = insertion.tissue, insertion.chain.tip_node
     point = insertion.chain.tip + np.array([1e-4, 3e-4])
     tissue.begin()
-    response = tissue.respond(point, Weights(np.array([node]), np.ones((1, 1))))
+    response = tissue.respond(point, LinearFunctionals(np.array([node]), np.ones((1, 1))))
     insertion.chain.mesh.place(node, point)
     again = moved_model(simulation.model, insertion.chain.mesh)
     system = TissueSystem(again, DAMPING, lumping="row-sum")
@@ -121,7 +121,7 @@ def test_a_step_of_the_moved_tissue_is_newmarks(organ: Scene) -> None:
     )
     stepper = CALM.stepper(system, STEP)
     tissue.begin()
-    tip = Weights(np.array([insertion.chain.tip_node]), np.ones((1, 1)))
+    tip = LinearFunctionals(np.array([insertion.chain.tip_node]), np.ones((1, 1)))
     response = tissue.respond(insertion.chain.tip, tip)
     start = tissue.motion
     tissue.finish(response, np.zeros(len(response.free)))
@@ -152,13 +152,15 @@ def test_shaft_nodes_lie_on_the_axis_and_forces_within_limits(organ: Scene) -> N
     *_, last = insertion.iterate(depths_to(0.02))
     chain, tissue = insertion.chain, insertion.tissue
     nodes = np.append(chain.nodes, chain.tip_node)
-    moved = tissue.moved(Weights(nodes, np.eye(len(nodes))))
+    moved = tissue.moved(LinearFunctionals(nodes, np.eye(len(nodes))))
     where = chain.mesh.points[nodes] + moved
-    assert insertion.axis.offset(where)[:, 0] == pytest.approx(0.0, abs=2e-6)
-    assert insertion.axis.along(where[-1]) == pytest.approx(last.depth, abs=2e-6)
+    assert insertion.axis.lateral_offset(where)[:, 0] == pytest.approx(0.0, abs=2e-6)
+    assert insertion.axis.axial_coordinate(where[-1]) == pytest.approx(last.depth, abs=2e-6)
     limit = organ.needle.shaft_friction * chain.shares(chain.tip)
-    assert np.all(np.abs(last.axial) <= limit * (1.0 + 1e-9))
-    assert np.sum(last.axial) == pytest.approx(organ.needle.shaft_friction * last.covered)
+    assert np.all(np.abs(last.friction_force) <= limit * (1.0 + 1e-9))
+    assert np.sum(last.friction_force) == pytest.approx(
+        organ.needle.shaft_friction * last.inserted_length
+    )
     assert last.tip_force == pytest.approx(organ.needle.cutting_force)
 
 
@@ -176,7 +178,7 @@ def test_nodes_return_home_when_the_needle_is_gone(organ: Scene) -> None:
         least.append(least_ratio(tissue.mesh))
     assert moved > 3
     assert min(least) > 0.0
-    assert states[0].way is Way.WITHDRAWN
+    assert states[0].way is TipPhase.RETRACTED
     assert min(state.axial.sum() for state in states if len(state.axial)) < 0.0 < deepest.force
     mesh = MovableMesh(simulation.model)
     assert not len(tissue.mesh.moved)

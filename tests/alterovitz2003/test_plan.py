@@ -5,7 +5,7 @@ from needlefem.alterovitz2003.plan import drift, own_plan, paper_plan, refined, 
 from needlefem.alterovitz2003.simulation import InTime, NodeSimulation
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Status
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import Scene, vary
 
@@ -53,7 +53,7 @@ def test_insertion_reads_like_a_march(coarse: Scene) -> None:
     assert np.all(np.diff(insertion.depths) > 0.0)
     steps = np.linalg.norm(np.diff(insertion.tips[2:], axis=0), axis=1)
     assert steps.min() > 0.2 * coarse.motion.speed / 30.0
-    path = Path(insertion)
+    path = TipTrajectory(insertion)
     assert path.at_depth(0.5 * path.puncture_depth).point == pytest.approx(entry.point)
     assert path.at_depth(0.02).depth == pytest.approx(0.02, abs=1e-12)
 

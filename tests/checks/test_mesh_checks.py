@@ -8,7 +8,7 @@ from needlefem.checks import mesh_checks as tissue
 from needlefem.checks.modal import eigenfrequencies
 from needlefem.elements import CATALOGUE
 from needlefem.fem.forms import stiffness
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.geometry.contour import Contour
 from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_mesh, build_model
@@ -16,17 +16,17 @@ from needlefem.scene.resolve import with_element
 
 
 @pytest.fixture(params=CATALOGUE)
-def model(request: pytest.FixtureRequest, organ: Scene) -> Model:
+def model(request: pytest.FixtureRequest, organ: Scene) -> TissueModel:
     return build_model(with_element(organ, request.param))
 
 
-def test_a_good_tissue_passes(model: Model) -> None:
+def test_a_good_tissue_passes(model: TissueModel) -> None:
     checks = tissue.preflight(model)
     assert [check.name for check in checks if not check.passed] == []
     assert len({check.name for check in checks}) == len(checks) == 6
 
 
-def test_a_turned_over_cell_is_caught(model: Model) -> None:
+def test_a_turned_over_cell_is_caught(model: TissueModel) -> None:
     mesh = model.mesh
     points = mesh.p.copy()
     inner = np.setdiff1d(np.arange(mesh.nvertices), mesh.boundary_nodes())[40]
@@ -36,7 +36,7 @@ def test_a_turned_over_cell_is_caught(model: Model) -> None:
     assert not all(check.passed for check in caught)
 
 
-def test_a_flat_cell_is_caught(model: Model) -> None:
+def test_a_flat_cell_is_caught(model: TissueModel) -> None:
     mesh = model.mesh
     points = mesh.p.copy()
     a, b, c = mesh.t[:3, 200]
@@ -45,7 +45,7 @@ def test_a_flat_cell_is_caught(model: Model) -> None:
     assert not tissue.cell_shape(model).passed
 
 
-def test_a_stiffness_that_resists_rotation_is_caught(model: Model) -> None:
+def test_a_stiffness_that_resists_rotation_is_caught(model: TissueModel) -> None:
     matrix = model.stiffness.matrix
     model.stiffness.__dict__["matrix"] = (
         matrix + 1e-6 * matrix.max() * model.mass / model.mass.max()
@@ -53,7 +53,7 @@ def test_a_stiffness_that_resists_rotation_is_caught(model: Model) -> None:
     assert not tissue.rigid_motion(model).passed
 
 
-def test_a_stiffness_that_is_not_symmetric_is_caught(model: Model) -> None:
+def test_a_stiffness_that_is_not_symmetric_is_caught(model: TissueModel) -> None:
     skew = model.stiffness.matrix.copy().tolil()
     i, j = model.free_dofs[50], model.free_dofs[51]
     skew[i, j] += 0.05 * skew[i, i]
@@ -61,7 +61,7 @@ def test_a_stiffness_that_is_not_symmetric_is_caught(model: Model) -> None:
     assert not (tissue.reciprocity(model).passed and tissue.energy_identity(model).passed)
 
 
-def test_a_factorisation_of_another_matrix_is_caught(model: Model) -> None:
+def test_a_factorisation_of_another_matrix_is_caught(model: TissueModel) -> None:
     factor = model.factor
 
     class Wrong:
@@ -82,13 +82,13 @@ def test_too_few_quadrature_points_show_in_the_null_space(organ: Scene) -> None:
     assert tissue.zero_modes(model) > 3
 
 
-def test_held_box_has_no_zero_frequency(model: Model) -> None:
+def test_held_box_has_no_zero_frequency(model: TissueModel) -> None:
     frequencies = eigenfrequencies(model, 3)
     assert frequencies[0] > 1.0
     assert np.all(np.diff(frequencies) >= 0.0)
 
 
-def test_probes_keep_off_what_is_held(model: Model) -> None:
+def test_probes_keep_off_what_is_held(model: TissueModel) -> None:
     count = model.mesh.nelements
     bone = np.unique(model.node_dofs[model.cell_nodes[[count // 3, 2 * count // 3]]])
     model.held_dofs = np.union1d(model.held_dofs, bone)

@@ -18,8 +18,8 @@ from needlefem.dynamics import (
     QuasiStatic,
 )
 from needlefem.dynamics import energy as module
-from needlefem.dynamics.memory import Memory
-from needlefem.dynamics.steppers import Weights
+from needlefem.dynamics.memory import MaxwellUpdate
+from needlefem.dynamics.steppers import AlphaParameters
 
 MASS = np.array([[2.0, 0.3], [0.3, 1.0]])
 STIFFNESS = np.array([[5.0, -2.0], [-2.0, 3.0]])
@@ -125,7 +125,7 @@ def test_a_wrong_term_shows_in_the_residual(
         monkeypatch.setattr(MatrixSystem, name, changed(MatrixSystem.strain_energy))
     elif wrong in ("relaxation", "stored"):
         name = {"relaxation": "lost", "stored": "energy"}[wrong]
-        monkeypatch.setattr(Memory, name, changed(getattr(Memory, name)))
+        monkeypatch.setattr(MaxwellUpdate, name, changed(getattr(MaxwellUpdate, name)))
     found = moved(integrator, 0.05, 4.0)
     if wrong == "damping":
         found.damping *= 1.001
@@ -162,7 +162,7 @@ def test_what_a_foreign_integrator_takes_is_missing() -> None:
 
     stepper = Foreign()
     assert not hasattr(stepper, "weights")
-    assert stepper._own.weights == Weights(0.0, 0.0, 0.25, 0.5)
+    assert stepper._own.weights == AlphaParameters(0.0, 0.0, 0.25, 0.5)
     ledger, none = EnergyLedger(stepper), np.zeros(2)  # type: ignore[arg-type]
     motion = stepper._own.start(*FIRST)
     new = stepper._own.advance_under(motion, none, none)

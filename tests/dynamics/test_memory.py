@@ -10,16 +10,16 @@ from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Branch, Isotropic, Viscoelastic, branches_of
-from needlefem.materials.relaxation import decay, gain
+from needlefem.materials.relaxation import load_factor, relaxation_factor
 from needlefem.scene import Scene, vary
 
 LAW = Viscoelastic(youngs_modulus=3.0, poissons_ratio=0.3, density=1.0, shares=(0.4,), times=(2.0,))
 
 
 def test_limits_of_a_step() -> None:
-    assert (gain(0.0, 1.0), decay(0.0, 1.0)) == (1.0, 1.0)
-    assert (gain(np.inf, 1.0), decay(np.inf, 1.0)) == (0.0, 0.0)
-    assert gain(1e-9, 1.0) == pytest.approx(1.0, abs=1e-9)
+    assert (load_factor(0.0, 1.0), relaxation_factor(0.0, 1.0)) == (1.0, 1.0)
+    assert (load_factor(np.inf, 1.0), relaxation_factor(np.inf, 1.0)) == (0.0, 0.0)
+    assert load_factor(1e-9, 1.0) == pytest.approx(1.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@ import pytest
 from skfem import Basis, MeshQuad
 
 from needlefem.checks.models import square_mesh
-from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.elements import CATALOGUE, ElementType
 from needlefem.elements.shape_functions import ShapeTable
 from needlefem.fem.interpolation import Interpolation, OutsideError
 from needlefem.mesh.cell_location import Locator
@@ -12,8 +12,8 @@ from needlefem.mesh.generation import box, into_quadrilaterals, near_segment, re
 
 
 @pytest.fixture(params=CATALOGUE.values(), ids=CATALOGUE)
-def element(request: pytest.FixtureRequest) -> ElementRow:
-    row: ElementRow = request.param
+def element(request: pytest.FixtureRequest) -> ElementType:
+    row: ElementType = request.param
     return row
 
 
@@ -23,18 +23,18 @@ def graded(cell: str = "triangle") -> object:
     return into_quadrilaterals(mesh) if cell == "quadrilateral" else mesh
 
 
-def plain(element: ElementRow) -> object:
+def plain(element: ElementType) -> object:
     return square_mesh(element, 4)
 
 
-def test_shape_table_is_scikit_fems(element: ElementRow) -> None:
+def test_shape_table_is_scikit_fems(element: ElementType) -> None:
     points = np.random.default_rng(1).dirichlet(np.ones(3), 20)[:, 1:]
     lagrange = element.make()
     theirs = [lagrange.lbasis(points.T, i)[0] for i in range(len(lagrange.doflocs))]
     assert ShapeTable(element.make())(points) == pytest.approx(np.array(theirs).T, abs=1e-14)
 
 
-def test_values_agree_with_scikit_fems_probes(element: ElementRow) -> None:
+def test_values_agree_with_scikit_fems_probes(element: ElementType) -> None:
     mesh = graded(element.cell)
     basis = Basis(mesh, element.make())
     field = np.random.default_rng(2).normal(size=basis.N)
@@ -84,7 +84,7 @@ def test_shared_points_belong_to_the_lowest_cell() -> None:
     assert found.tolist() == lowest
 
 
-def test_points_outside_are_decided(element: ElementRow) -> None:
+def test_points_outside_are_decided(element: ElementType) -> None:
     mesh = plain(element)
     cells, _ = Locator(mesh).find(
         np.array([[-0.1, 0.5], [1.1, 0.5], [0.5, 1.0], [np.nextafter(1, 2), 1.0]])
@@ -100,7 +100,7 @@ def test_points_outside_are_decided(element: ElementRow) -> None:
         interpolation.means(points + 2.0, np.ones(2), rows, 1)
 
 
-def test_means_are_weighted(element: ElementRow) -> None:
+def test_means_are_weighted(element: ElementType) -> None:
     mesh = plain(element)
     basis = Basis(mesh, element.make())
     points = np.array([[0.1, 0.2], [0.7, 0.9], [0.4, 0.4]])

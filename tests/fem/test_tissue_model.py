@@ -4,8 +4,8 @@ from scipy.sparse import csc_array
 
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.compliance import DirectResponses, SharedResponses
-from needlefem.fem.condensation import Corridor, CorridorColumns, WholeColumns
+from needlefem.fem.compliance import CachedCompliance, DirectCompliance
+from needlefem.fem.condensation import CondensedCorridor, Corridor, InverseColumnsOnDemand
 from needlefem.fem.factorization import GroupedFactor, SuperLUFactor, cholmod, factorise
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic
@@ -112,7 +112,7 @@ def test_shared_and_direct_responses_are_the_same(organ: Scene) -> None:
     nodes = np.array([3, 77, 140, 200])
     loads = np.random.default_rng(5).normal(size=(3, 2 * len(nodes)))
     results = []
-    for responses in (SharedResponses(model), DirectResponses(model)):
+    for responses in (CachedCompliance(model), DirectCompliance(model)):
         rows = responses.rows(nodes)
         results.append(responses.respond(rows, loads).at(rows))
     assert results[0] == pytest.approx(results[1], rel=1e-10)
@@ -121,7 +121,7 @@ def test_shared_and_direct_responses_are_the_same(organ: Scene) -> None:
 
 def test_shared_responses_grow_without_changing(organ: Scene) -> None:
     model = Simulation(organ).model
-    grown, at_once = SharedResponses(model), SharedResponses(model)
+    grown, at_once = CachedCompliance(model), CachedCompliance(model)
     first, second = np.array([50, 51, 90]), np.array([90, 200, 13])
     grown.rows(first)
     before = grown.compliance.copy()
@@ -138,8 +138,8 @@ def test_a_condensed_corridor_gives_the_columns_of_the_whole(organ: Scene) -> No
     entry = simulation.entry_of_case().point
     corridor = Corridor(entry, entry + 0.02 * simulation.direction, 0.009)
     columns, whole = (
-        CorridorColumns(model, corridor),
-        WholeColumns(model.factor, len(model.free_dofs)),
+        CondensedCorridor(model, corridor),
+        InverseColumnsOnDemand(model.factor, len(model.free_dofs)),
     )
     inner = np.flatnonzero(columns.inner())
     near = inner[:: max(len(inner) // 7, 1)]
@@ -154,7 +154,7 @@ def test_a_condensed_corridor_gives_the_columns_of_the_whole(organ: Scene) -> No
 def test_held_nodes_do_not_respond(gel: Scene) -> None:
     model = Simulation(gel).model
     held = np.flatnonzero(np.all(np.isin(model.node_dofs, model.held_dofs), axis=1))[:2]
-    for responses in (SharedResponses(model), DirectResponses(model)):
+    for responses in (CachedCompliance(model), DirectCompliance(model)):
         rows = responses.rows(held)
         loads = np.ones((1, len(rows)))
         assert np.all(responses.respond(rows, loads).at(rows) == 0.0)

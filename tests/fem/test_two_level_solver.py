@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 
 from needlefem.fem import two_level_solver as nested
-from needlefem.fem.tissue_model import Model
-from needlefem.fem.two_level_solver import Nested
-from needlefem.mesh.refine import halved
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.fem.two_level_solver import TwoLevelSolver
+from needlefem.mesh.refine import uniformly_refined
 from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve
 
 
 @pytest.fixture(params=["P1 to P2", "P2 halved", "Q1-Bbar halved"])
-def pair(request: pytest.FixtureRequest, organ: Scene) -> tuple[Model, Model]:
+def pair(request: pytest.FixtureRequest, organ: Scene) -> tuple[TissueModel, TissueModel]:
     """Return a finer tissue and the coarser one."""
     name = request.param.split()[0]
     pattern = "quadrilateral" if name.startswith("Q") else "diagonal"
@@ -20,10 +20,10 @@ def pair(request: pytest.FixtureRequest, organ: Scene) -> tuple[Model, Model]:
     coarser = build_model(scene)
     if request.param == "P1 to P2":
         return build_model(vary(scene, {"discretisation.element": "P2"}), coarser.mesh), coarser
-    return build_model(scene, halved(coarser.mesh)), coarser
+    return build_model(scene, uniformly_refined(coarser.mesh)), coarser
 
 
-def loaded(model: Model) -> np.ndarray:
+def loaded(model: TissueModel) -> np.ndarray:
     """Return a force spread along a line into the tissue."""
     depths = np.linspace(1e-3, 0.03, 60)
     points = np.column_stack([np.full_like(depths, 0.029), depths])
@@ -34,35 +34,35 @@ def loaded(model: Model) -> np.ndarray:
 
 
 def test_a_finer_tissue_moves_as_its_own_factor_says(
-    pair: tuple[Model, Model], monkeypatch: pytest.MonkeyPatch
+    pair: tuple[TissueModel, TissueModel], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     finer, coarser = pair
     load = loaded(finer)
     exact = finer.solve(load)
-    apart = np.abs(Nested(finer, coarser).solve(load) - exact).max()
+    apart = np.abs(TwoLevelSolver(finer, coarser).solve(load) - exact).max()
     monkeypatch.setattr(nested, "LEFT", 1e-9)
-    closely = np.abs(Nested(finer, coarser).solve(load) - exact).max()
+    closely = np.abs(TwoLevelSolver(finer, coarser).solve(load) - exact).max()
     assert apart < 1e-2 * np.abs(exact).max()
     assert closely < 1e-8 * np.abs(exact).max()
 
 
 def test_iterations_that_do_not_converge_give_way_to_the_factor(
-    pair: tuple[Model, Model], monkeypatch: pytest.MonkeyPatch
+    pair: tuple[TissueModel, TissueModel], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     finer, coarser = pair
     load = loaded(finer)
     monkeypatch.setattr(nested, "MOST_ITERATIONS", 1)
     monkeypatch.setattr(nested, "LEFT", 1e-12)
-    assert np.array_equal(Nested(finer, coarser).solve(load), finer.solve(load))
+    assert np.array_equal(TwoLevelSolver(finer, coarser).solve(load), finer.solve(load))
 
 
 def test_iterations_do_not_grow_with_the_mesh(
     organ: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     counted = []
-    smoothed = Nested._smoothed
+    smoothed = TwoLevelSolver._smoothed
     monkeypatch.setattr(
-        Nested, "_smoothed", lambda own, rest: (counted.append(0), smoothed(own, rest))[1]
+        TwoLevelSolver, "_smoothed", lambda own, rest: (counted.append(0), smoothed(own, rest))[1]
     )
     spent = []
     for divisions in (10, 20, 40):
@@ -70,8 +70,8 @@ def test_iterations_do_not_grow_with_the_mesh(
             organ, {"discretisation.element": "P2", "mesh.divisions": (divisions, divisions)}
         )
         coarser = build_model(resolve(scene).scene)
-        finer = build_model(resolve(scene).scene, halved(coarser.mesh))
-        Nested(finer, coarser).solve(loaded(finer))
+        finer = build_model(resolve(scene).scene, uniformly_refined(coarser.mesh))
+        TwoLevelSolver(finer, coarser).solve(loaded(finer))
         spent.append(len(counted) - sum(spent))
     assert spent[2] <= spent[0] + 5
     assert spent[2] < 40

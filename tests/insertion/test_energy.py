@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from needlefem.insertion.energy_balance import ledger
-from needlefem.insertion.path_following import March
+from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import Way
+from needlefem.insertion.state import TipPhase
 from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.scene import Scene, Stage, vary
 
@@ -71,7 +71,9 @@ def test_pressing_elastic_skin_without_cutting_it_takes_no_work(
 
 
 def _leaves(found: Insertion, number: int) -> bool:
-    return found.states[number].way is Way.OUT is not found.states[number - 1].way
+    return (
+        found.states[number].tip_phase is TipPhase.OUTSIDE is not found.states[number - 1].tip_phase
+    )
 
 
 @pytest.mark.parametrize("tissue", ["viscoelastic", "dynamic", "dynamic and viscoelastic"])
@@ -154,7 +156,7 @@ def test_path_following_ends_before_a_step_in_which_the_tip_would_give_energy(
     entry = simulation.entry_of_case()
 
     def followed() -> Insertion:
-        march = March(simulation.instrument(entry), simulation.responses, 0.035)
+        march = PathFollowing(simulation.instrument(entry), simulation.responses, 0.035)
         assert len(list(march.iterate())) > 2
         return march.result(soft, simulation.model)
 
@@ -162,7 +164,7 @@ def test_path_following_ends_before_a_step_in_which_the_tip_would_give_energy(
     assert checked.outcome.status is Status.RESTICK
     assert "the tissue goes ahead of the tip that cuts it" in checked.outcome.sentence
     assert ledger(checked).given <= 1e-9
-    monkeypatch.setattr(March, "_check_energy", lambda *_: None)
+    monkeypatch.setattr(PathFollowing, "_check_energy", lambda *_: None)
     unchecked = followed()
     assert len(unchecked.states) > len(checked.states)
     assert ledger(unchecked).given > 1e-6

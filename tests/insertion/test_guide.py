@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.guide import Guide
+from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.simulation import Simulation
 from needlefem.scene import Scene
 
@@ -20,7 +20,7 @@ def test_marches_beside_one_another_need_fewer_evaluations(organ: Scene) -> None
 
 
 def test_a_march_elsewhere_begins_anew() -> None:
-    guide = Guide(np.array([0.0, 0.0]))
+    guide = WarmStart(np.array([0.0, 0.0]))
     guide.learnt += [(np.array([0.1]), np.eye(1)), (np.array([0.3]), 2.0 * np.eye(1))]
     far, near = (guide.beside(np.array([x, 0.0]), 1e-3) for x in (2e-3, 1e-4))
     for other in (far, near):

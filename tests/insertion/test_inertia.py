@@ -6,17 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import Damping, GeneralizedAlpha, Newmark, TissueSystem
-from needlefem.dynamics.steppers import Weights
+from needlefem.dynamics.steppers import AlphaParameters
 from needlefem.errors import CaseError
 from needlefem.insertion.energy_balance import ledger
-from needlefem.insertion.inertia import DynamicMedium, bound_radius, damping_of
-from needlefem.insertion.motion_schedule import Tick
+from needlefem.insertion.inertia import DynamicResponse, bound_radius, damping_of
+from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import Way
-from needlefem.insertion.time_stepping import Stepping
+from needlefem.insertion.state import TipPhase
+from needlefem.insertion.time_stepping import TimeStepping
 from needlefem.materials import Viscoelastic
 from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
 from needlefem.scene.build import build_model
@@ -66,7 +66,7 @@ def test_tissue_that_swings_on_and_off_the_tip_gives_nothing(gel: Scene) -> None
         "motion.speed": 0.05, "discretisation.integrator": "newmark",
     }  # fmt: skip
     found = moved(vary(gel, changes), "newmark")
-    assert sum(state.way is Way.OUT for state in found.states) >= 3
+    assert sum(state.tip_phase is TipPhase.OUTSIDE for state in found.states) >= 3
     assert ledger(found).given <= 1e-9
     assert ledger(found).residual <= 1e-11
 
@@ -95,9 +95,9 @@ def test_catching_costs_energy(gel: Scene) -> None:
     scene = vary(gel, coarse | {"discretisation.time_step": 1e-3})
     found = moved(scene, "generalised-alpha", stages=stages, speed=0.3)
     grips = [
-        np.any((new.slipping[: old.whole] == 0) & (old.slipping[: old.whole] != 0))
+        np.any((new.slipping[: old.full_segments] == 0) & (old.slipping[: old.full_segments] != 0))
         for old, new in zip(found.states, found.states[1:], strict=False)
-        if new.whole >= old.whole > 1
+        if new.full_segments >= old.full_segments > 1
     ]
     assert any(grips)
     assert ledger(found).capture > 0.0
@@ -112,13 +112,13 @@ def test_what_sticks_has_the_needles_velocity(gel: Scene) -> None:
     old = None
     for state in course.iterate():
         if old is not None and state.slipping is not None and state.depth < old.depth:
-            whole = min(old.whole, state.whole)
+            whole = min(old.full_segments, state.full_segments)
             stuck = np.flatnonzero((state.slipping[:whole] == 0) & (old.slipping[:whole] == 0))
-            way = state.moved[stuck, 0] - old.moved[stuck, 0]
+            way = state.segment_displacement[stuck, 0] - old.segment_displacement[stuck, 0]
             assert way == pytest.approx(state.depth - old.depth, abs=1e-12)
         old = state
     assert old is not None
-    assert old.way is not Way.OUT
+    assert old.tip_phase is not TipPhase.OUTSIDE
 
 
 def test_a_snap_is_survived(popping: Scene) -> None:
@@ -156,8 +156,10 @@ def test_a_mass_that_it_does_not_have_is_refused(popping: Scene) -> None:
 
 
 def test_bound_motion_of_average_acceleration_rings() -> None:
-    assert bound_radius(Weights(0.0, 0.0, 0.25, 0.5)) == pytest.approx(1.0, abs=1e-7)
-    assert bound_radius(Weights(1 / 3, 4 / 9, 25 / 81, 11 / 18)) == pytest.approx(0.8, abs=1e-7)
+    assert bound_radius(AlphaParameters(0.0, 0.0, 0.25, 0.5)) == pytest.approx(1.0, abs=1e-7)
+    assert bound_radius(AlphaParameters(1 / 3, 4 / 9, 25 / 81, 11 / 18)) == pytest.approx(
+        0.8, abs=1e-7
+    )
 
 
 @pytest.mark.parametrize(
@@ -180,10 +182,12 @@ def pressed(gel: Scene) -> Callable[..., np.ndarray]:
 
     def hold(integrator: object, **options: bool) -> np.ndarray:
         simulation = Simulation(vary(gel, {"needle.cutting_force": 1e6}), model)
-        medium = DynamicMedium(TissueSystem(model, Damping(mass_rate=400.0)), integrator, **options)
+        medium = DynamicResponse(
+            TissueSystem(model, Damping(mass_rate=400.0)), integrator, **options
+        )
         instrument = simulation.instrument(simulation.entry_of_case())
-        stepping = Stepping(instrument, medium, model, Friction())
-        ticks = [Tick(1e-3 * n, 5e-4, 1e-3) for n in range(1, 301)]
+        stepping = TimeStepping(instrument, medium, model, SlipWeakeningFriction())
+        ticks = [TimeStep(1e-3 * n, 5e-4, 1e-3) for n in range(1, 301)]
         return np.array([state.tip_force for state in stepping.iterate(ticks)])
 
     return hold

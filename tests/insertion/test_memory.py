@@ -12,7 +12,7 @@ import pytest
 
 import needlefem as nf
 from needlefem.elements import CATALOGUE
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
@@ -34,12 +34,12 @@ def uncollected() -> Iterator[None]:
 
 def kept(make: Callable[[], object]) -> tuple[int, int]:
     """Return how many models there are with a result, and after it was deleted."""
-    before = {id(thing) for thing in gc.get_objects() if isinstance(thing, Model)}
+    before = {id(thing) for thing in gc.get_objects() if isinstance(thing, TissueModel)}
     result = make()
     with_it = [
         weakref.ref(thing)
         for thing in gc.get_objects()
-        if isinstance(thing, Model) and id(thing) not in before
+        if isinstance(thing, TissueModel) and id(thing) not in before
     ]
     del result
     return len(with_it), sum(reference() is not None for reference in with_it)

@@ -4,13 +4,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from needlefem.fem.compliance import DirectResponses, SharedResponses
+from needlefem.fem.compliance import CachedCompliance, DirectCompliance
 from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.tip_solver import StepSolver, not_found, smallest_turning
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.tip_solver import TipSolver, not_found, smallest_turning
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.insertion.validity import validity
 from needlefem.scene import Scene, Support, vary
 
@@ -27,10 +27,10 @@ def test_every_state_is_in_equilibrium_with_the_needle_on_its_line(
         state = insertion.states[number]
         field = model.nodal(displacements(insertion, [number])[:, 0])
         tip = state.tip + state.tip_weights @ field[state.tip_nodes]
-        assert axis.along(tip) == pytest.approx(state.depth, abs=1e-10)
-        assert axis.offset(tip) == pytest.approx([0.0], abs=1e-10)
+        assert axis.axial_coordinate(tip) == pytest.approx(state.depth, abs=1e-10)
+        assert axis.lateral_offset(tip) == pytest.approx([0.0], abs=1e-10)
         for piece, lateral, moved in zip(
-            insertion.pieces, state.lateral, state.moved, strict=False
+            insertion.pieces, state.lateral_force, state.segment_displacement, strict=False
         ):
             mean = axis.frame @ (piece.weights @ field[piece.nodes])
             assert mean == pytest.approx(moved, abs=1e-10)
@@ -40,10 +40,10 @@ def test_every_state_is_in_equilibrium_with_the_needle_on_its_line(
 def test_forces_are_those_of_the_model(organ: Scene, insert: Push) -> None:
     last = insert(organ).states[-1]
     assert last.tip_force == pytest.approx(organ.needle.cutting_force)
-    lengths = last.axial[1:] / organ.needle.shaft_friction
+    lengths = last.friction_force[1:] / organ.needle.shaft_friction
     assert lengths[:-1] == pytest.approx(organ.discretisation.path_spacing)
     assert 0.0 < lengths[-1] < organ.discretisation.path_spacing  # the last ends at the depth
-    assert last.axial[0] == 0.0
+    assert last.friction_force[0] == 0.0
 
 
 def test_path_leans_where_an_organ_turns(organ: Scene, insert: Push) -> None:
@@ -66,14 +66,14 @@ def test_a_condensed_corridor_gives_the_same_path(
     monkeypatch.setattr("needlefem.insertion.simulation.CORRIDOR", 0.5)  # it leaves this one
     narrow = Simulation(vary(organ, {"planning.height_range": (0.0, 1e-9)}))
     found = narrow.move(narrow.entry_of_case())
-    assert isinstance(narrow.responses, SharedResponses)
+    assert isinstance(narrow.responses, CachedCompliance)
     assert narrow.responses.solves < narrow.responses.size
     assert found.tips == pytest.approx(plain.tips, abs=1e-11)
 
 
 def test_direct_responses_give_the_same_path(organ: Scene) -> None:
     shared, direct = Simulation(organ), Simulation(organ)
-    direct.responses = DirectResponses(direct.model)
+    direct.responses = DirectCompliance(direct.model)
     paths = [s.insert(s.entry_of_case()).tips for s in (shared, direct)]
     assert paths[0] == pytest.approx(paths[1], abs=1e-11)
 
@@ -90,7 +90,7 @@ def test_needle_that_does_not_puncture(gel: Scene, insert: Push) -> None:
     assert insertion.outcome.status is Status.NOT_PUNCTURED
     assert insertion.depths[-1] == pytest.approx(5e-4)
     assert 0.0 < insertion.states[-1].tip_force < gel.needle.cutting_force
-    assert Path(insertion).at_depth(5e-4).point == pytest.approx(insertion.tips[0])
+    assert TipTrajectory(insertion).at_depth(5e-4).point == pytest.approx(insertion.tips[0])
     assert ledger(insertion).residual < 1e-12
 
 
@@ -136,9 +136,9 @@ def test_snap_ends_where_the_branch_at_cutting_force_comes_back(popping: Scene) 
     entry = simulation.entry_of_case()
     insertion = simulation.insert(entry)
     snap = insertion.snaps[0]
-    from needlefem.insertion.path_following import March
+    from needlefem.insertion.path_following import PathFollowing
 
-    march = March(simulation.instrument(entry), simulation.responses, 1.0)
+    march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
     for _ in march._puncture():
         pass
     depth, tips = [march.states[-1].depth], [march.states[-1].tip[1]]
@@ -159,9 +159,9 @@ def test_a_snap_begins_at_the_largest_depth(popping: Scene) -> None:
     simulation = Simulation(popping)
     entry = simulation.entry_of_case()
     snap = simulation.insert(entry).snaps[0]
-    from needlefem.insertion.path_following import March
+    from needlefem.insertion.path_following import PathFollowing
 
-    march = March(simulation.instrument(entry), simulation.responses, 1.0)
+    march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
     list(itertools.islice(march.iterate(), snap.first))
     low, high, highest = 0.02, 1.0, 0.0
     for _ in range(4):  # nested scans: depth has a kink at its maximum
@@ -178,25 +178,29 @@ def test_a_snap_begins_at_the_largest_depth(popping: Scene) -> None:
 
 def test_material_jumped_over_is_never_reached(popping: Scene, insert: Push) -> None:
     insertion = insert(popping)
-    snap, path = insertion.snaps[0], Path(insertion)
+    snap, path = insertion.snaps[0], TipTrajectory(insertion)
     before, after = insertion.states[snap.first].tip, insertion.states[snap.last].tip
-    assert path.abeam(0.5 * (before + after)) is None
-    assert path.abeam(before - np.array([0.0, 1e-3])) is not None
-    assert path.abeam(after + np.array([0.0, 1e-3])) is not None
+    assert path.at_target_depth(0.5 * (before + after)) is None
+    assert path.at_target_depth(before - np.array([0.0, 1e-3])) is not None
+    assert path.at_target_depth(after + np.array([0.0, 1e-3])) is not None
     assert path.at_depth(snap.depth - 1e-6).point[1] <= before[1]
     assert path.at_depth(snap.depth + 1e-6).point[1] == pytest.approx(after[1], abs=1e-5)
 
 
 def test_shaft_point_that_sticks_ends_the_march(gel: Scene) -> None:
     simulation = Simulation(gel)
-    from needlefem.insertion.path_following import March
+    from needlefem.insertion.path_following import PathFollowing
 
-    march = March(simulation.instrument(simulation.entry_of_case()), simulation.responses, 0.03)
+    march = PathFollowing(
+        simulation.instrument(simulation.entry_of_case()), simulation.responses, 0.03
+    )
     states = march.iterate()
     for _ in range(6):
         next(states)
     last = march.states[-1]
-    ahead = last.moved + np.array([-1e-2, 0.0])  # as if the points had been further back
+    ahead = last.segment_displacement + np.array(
+        [-1e-2, 0.0]
+    )  # as if the points had been further back
     march.states[-1] = vary(last, {"moved": ahead})  # type: ignore[arg-type,assignment]
     list(states)
     assert march.outcome.status is Status.RESTICK
@@ -215,7 +219,7 @@ def test_step_solver_learns(gel: Scene) -> None:
     simulation = Simulation(gel)
     insertion = simulation.insert(simulation.entry_of_case())
     assert insertion.evaluations <= 5 * len(insertion.states)
-    assert isinstance(StepSolver, type)
+    assert isinstance(TipSolver, type)
 
 
 @pytest.mark.parametrize("element", ["P1", "P2"])

@@ -5,23 +5,23 @@ import pytest
 import skfem
 
 from needlefem.checks.mesh_checks import preflight
-from needlefem.elements import ElementRow
+from needlefem.elements import ElementType
 from needlefem.elements.quadrature import simplex
-from needlefem.fem.compliance import SharedResponses
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.compliance import CachedCompliance
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.fields import displacements
-from needlefem.insertion.path_following import March
+from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Insertion, Status
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import BACKGROUND
-from needlefem.needle.insertion_axis import Axis
-from needlefem.needle.needle_interface import Instrument
-from needlefem.needle.tip_kernel import DiscKernel, cross_section
+from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import NeedleInterface
+from needlefem.needle.tip_kernel import TipKernel, cross_section
 from needlefem.scene import Scene, Support, vary
 from verification.support.embedded_shaft import LyingNeedle
 
-TETRAHEDRON = ElementRow(
+TETRAHEDRON = ElementType(
     name="T1",
     cell="tetrahedron",
     make=skfem.ElementTetP1,
@@ -34,20 +34,20 @@ TETRAHEDRON = ElementRow(
 
 
 @pytest.fixture
-def block() -> Model:
+def block() -> TissueModel:
     ticks = np.linspace(0.0, 0.04, 9)
     return of_two_tissues(skfem.MeshTet.init_tensor(ticks, ticks, ticks))
 
 
 @pytest.fixture
-def mirrored() -> Model:
+def mirrored() -> TissueModel:
     """Return a block that is its own mirror image in the plane y = 2 cm."""
     ticks = np.linspace(0.0, 0.04, 7)
     half = skfem.MeshTet.init_tensor(ticks, ticks[:4], ticks)
     return of_two_tissues(half + half.mirrored((0.0, 1.0, 0.0), (0.0, 0.02, 0.0)))
 
 
-def of_two_tissues(mesh: skfem.MeshTet) -> Model:
+def of_two_tissues(mesh: skfem.MeshTet) -> TissueModel:
     middles = mesh.p[:, mesh.t].mean(axis=1)
     stiff = (middles[0] > 0.024) & (middles[2] > 0.01)
     mesh = mesh.with_subdomains(
@@ -58,7 +58,9 @@ def of_two_tissues(mesh: skfem.MeshTet) -> Model:
         BACKGROUND: Isotropic(youngs_modulus=20e3, poissons_ratio=0.4),
         "stiff": Isotropic(youngs_modulus=80e3, poissons_ratio=0.4),
     }
-    return Model(mesh, TETRAHEDRON, materials, {"far": Support(faces=("far",))}, ("x", "y", "z"))
+    return TissueModel(
+        mesh, TETRAHEDRON, materials, {"far": Support(faces=("far",))}, ("x", "y", "z")
+    )
 
 
 def solid(gel: Scene) -> Scene:
@@ -74,11 +76,13 @@ def solid(gel: Scene) -> Scene:
     )
 
 
-def push(model: Model, direction: np.ndarray, scene: Scene, across: float = 0.0192) -> Insertion:
+def push(
+    model: TissueModel, direction: np.ndarray, scene: Scene, across: float = 0.0192
+) -> Insertion:
     entry, inward = np.array([0.0205, across, 0.0]), np.array([0.0, 0.0, 1.0])
-    instrument = Instrument(
-        axis=Axis(entry, direction / np.linalg.norm(direction)),
-        kernel=DiscKernel(3e-3, 200, entry, inward),
+    instrument = NeedleInterface(
+        axis=InsertionAxis(entry, direction / np.linalg.norm(direction)),
+        kernel=TipKernel(3e-3, 200, entry, inward),
         interpolation=model.interpolation,
         cutting_force=np.full(model.nnodes, 0.2),
         shaft_friction=np.full(model.nnodes, 10.0),
@@ -87,25 +91,29 @@ def push(model: Model, direction: np.ndarray, scene: Scene, across: float = 0.01
         spacing=2e-3,
         inward=inward,
     )
-    march = March(instrument, SharedResponses(model), 0.025)
+    march = PathFollowing(instrument, CachedCompliance(model), 0.025)
     assert len(list(march.iterate())) > 8
     return march.result(scene, model)
 
 
 @pytest.mark.parametrize("direction", [[0.0, 0.0, 1.0], [0.1, -0.2, 1.0]])
-def test_march_in_a_block_of_tetrahedra(block: Model, gel: Scene, direction: list[float]) -> None:
+def test_march_in_a_block_of_tetrahedra(
+    block: TissueModel, gel: Scene, direction: list[float]
+) -> None:
     insertion = push(block, np.array(direction), gel)
     assert insertion.outcome.status is Status.COMPLETED
     last = insertion.states[-1]
     length = np.linalg.norm(np.diff(insertion.tips, axis=0), axis=1).sum()
     assert last.force == pytest.approx(0.2 + 10.0 * length)
-    assert last.lateral.shape == (len(insertion.pieces), 2)
+    assert last.lateral_force.shape == (len(insertion.pieces), 2)
     energies = ledger(insertion)
     assert energies.identity < 1e-12
     assert energies.residual < 1e-12
 
 
-def test_the_tip_is_on_the_axis_in_both_lateral_directions(mirrored: Model, gel: Scene) -> None:
+def test_the_tip_is_on_the_axis_in_both_lateral_directions(
+    mirrored: TissueModel, gel: Scene
+) -> None:
     """In a plane of symmetry one of them is met from the first; the other must be solved for."""
     insertion = push(mirrored, np.array([0.3, 0.0, 1.0]), gel, across=0.02)
     assert insertion.outcome.status is Status.COMPLETED
@@ -115,19 +123,19 @@ def test_the_tip_is_on_the_axis_in_both_lateral_directions(mirrored: Model, gel:
     for number, state in enumerate(insertion.states[1:]):
         field = mirrored.nodal(moved[:, number])
         where = state.tip + state.tip_weights @ field[state.tip_nodes]
-        apart.append(axis.offset(where))
-        assert axis.along(where) == pytest.approx(state.depth, abs=1e-11)
+        apart.append(axis.lateral_offset(where))
+        assert axis.axial_coordinate(where) == pytest.approx(state.depth, abs=1e-11)
     assert np.abs(apart).max() < 5e-12
-    lean = np.abs(axis.offset(insertion.tips)).max(axis=0)
+    lean = np.abs(axis.lateral_offset(insertion.tips)).max(axis=0)
     assert max(lean) > 1e-5  # the tissue yields sideways ...
     assert min(lean) < 1e-12  # ... within the plane of symmetry
 
 
-def test_checks_hold_in_three_dimensions(block: Model) -> None:
+def test_checks_hold_in_three_dimensions(block: TissueModel) -> None:
     assert [check.name for check in preflight(block) if not check.passed] == []
 
 
-def slab(radius: float, thickness: float, divisions: int) -> Model:
+def slab(radius: float, thickness: float, divisions: int) -> TissueModel:
     """Return a disc of one layer of cells that moves along its axis alone, held at its rim."""
     ticks = np.linspace(-1.0, 1.0, 2 * divisions + 1)
     mesh = skfem.MeshTet.init_tensor(ticks, ticks, np.array([0.0, thickness]))
@@ -144,7 +152,7 @@ def slab(radius: float, thickness: float, divisions: int) -> Model:
     )
     law = Isotropic(youngs_modulus=10e3, poissons_ratio=0.3)
     supports = {"rim": Support(faces=("rim",)), "ends": Support(faces=("ends",), fixed=("x", "y"))}
-    return Model(mesh, TETRAHEDRON, {BACKGROUND: law}, supports, ("x", "y", "z"))
+    return TissueModel(mesh, TETRAHEDRON, {BACKGROUND: law}, supports, ("x", "y", "z"))
 
 
 def test_give_of_a_thick_shaft_in_a_cylinder() -> None:

@@ -10,7 +10,7 @@ from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import Way
+from needlefem.insertion.state import TipPhase
 from needlefem.insertion.sticking import STICK_CONDITION
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Scene, Stage, vary
@@ -37,7 +37,7 @@ def test_in_and_out(organ: Scene, integrator: str) -> None:
     assert found.outcome.status is Status.COMPLETED
     assert kinds(found) == ["puncture", "grip", "release", "withdrawal", "breakaway", "exit"]
     last, seed = found.states[-1], found.seeds[0]
-    assert last.way is Way.OUT
+    assert last.tip_phase is TipPhase.OUTSIDE
     assert last.force == 0.0
     assert seed.inside
     assert last.seeds[0] == pytest.approx(seed.point, abs=1e-15)
@@ -56,10 +56,10 @@ def test_every_state_is_in_equilibrium(organ: Scene) -> None:
         state = found.states[number]
         field = model.nodal(displacements(found, [number])[:, 0])
         tip = state.tip + state.tip_weights @ field[state.tip_nodes]
-        if state.way is not Way.OUT:
-            assert axis.along(tip) == pytest.approx(state.depth, abs=1e-10)
+        if state.tip_phase is not TipPhase.OUTSIDE:
+            assert axis.axial_coordinate(tip) == pytest.approx(state.depth, abs=1e-10)
         for piece, lateral, moved in zip(
-            state.filled(found.pieces), state.lateral, state.moved, strict=True
+            state.filled(found.pieces), state.lateral_force, state.segment_displacement, strict=True
         ):
             mean = axis.frame @ (piece.weights @ field[piece.nodes])
             assert mean == pytest.approx(moved, abs=1e-10)
@@ -70,18 +70,18 @@ def test_friction_stays_within_its_limit_and_slips_at_it(organ: Scene) -> None:
     found = moving(organ, *IN_AND_OUT)
     stiffness = found.instrument.lateral_stiffness
     for before, state in zip(found.states, found.states[1:], strict=False):
-        if state.slipping is None or len(state.axial) < 2:
+        if state.slipping is None or len(state.friction_force) < 2:
             continue
         pieces = state.filled(found.pieces)[1:]
         limit = organ.needle.shaft_friction / stiffness / np.array([p.compliance for p in pieces])
-        traction = state.axial[1:] / limit
+        traction = state.friction_force[1:] / limit
         slipping = state.slipping[1:]
         assert np.all(np.abs(traction) <= 1.0 + 1e-9)
         assert traction[slipping != 0] == pytest.approx(slipping[slipping != 0], abs=1e-9)
-        common = min(before.whole, state.whole)
-        slip = state.depth - before.depth - (state.moved - before.moved[: len(state.moved)])[
+        common = min(before.full_segments, state.full_segments)
+        slip = state.depth - before.depth - (state.segment_displacement - before.segment_displacement[: len(state.segment_displacement)])[
             1:common, 0
-        ] if len(before.moved) >= len(state.moved) else None  # fmt: skip
+        ] if len(before.segment_displacement) >= len(state.segment_displacement) else None  # fmt: skip
         if slip is not None:
             assert np.all(np.abs(slip[slipping[: common - 1] == 0]) < 1e-11)
 
@@ -89,11 +89,11 @@ def test_friction_stays_within_its_limit_and_slips_at_it(organ: Scene) -> None:
 def test_the_tip_cuts_only_forward_and_returns_to_its_front(organ: Scene) -> None:
     found = moving(organ, Stage(to=0.02), Stage(to=0.01), Stage(to=0.03))
     assert {"puncture", "withdrawal", "return"} <= set(kinds(found))
-    covered = np.array([state.covered for state in found.states])
-    ways = np.array([state.way for state in found.states])
+    covered = np.array([state.inserted_length for state in found.states])
+    ways = np.array([state.tip_phase for state in found.states])
     deep = at(found, 0.02)
     front = found.states[deep].tip
-    drawn = ways == Way.WITHDRAWN
+    drawn = ways == TipPhase.RETRACTED
     assert drawn.any()
     assert np.all(np.array([s.tip_force for s in found.states])[drawn] == 0.0)
     back = next(event for event in found.events if event.kind == "return")
@@ -137,7 +137,9 @@ def test_viscoelastic_tissue_relaxes_in_a_hold_and_comes_to_rest(gel: Scene) -> 
     assert found.outcome.status is Status.COMPLETED
     begin, end = at(found, 0.015), at(found, 0.015, last=True)
     assert found.states[end].force < 0.95 * found.states[begin].force
-    out = next(n for n, state in enumerate(found.states) if n > end and state.way is Way.OUT)
+    out = next(
+        n for n, state in enumerate(found.states) if n > end and state.tip_phase is TipPhase.OUTSIDE
+    )
     seed = found.seeds[0].point
     apart = [float(np.abs(state.seeds[0] - seed).max()) for state in found.states[out:]]
     assert apart[0] > 1e-7
@@ -175,7 +177,7 @@ def test_tissue_dragged_out_of_its_skin_springs_off(gel: Scene) -> None:
     leaving = next(event for event in found.events if event.kind == "exit")
     assert leaving.depth < 0.0
     assert leaving.energy > 0.0
-    assert found.states[-1].way is Way.OUT
+    assert found.states[-1].tip_phase is TipPhase.OUTSIDE
     assert ledger(found).residual < 1e-12
 
 

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.trajectory import Piece
+from needlefem.insertion.trajectory import TrajectoryInterval
 
 
-def curve(n: int = 12) -> Piece:
+def curve(n: int = 12) -> TrajectoryInterval:
     length = np.linspace(0.0, 1.1, n)
     points = np.column_stack([0.1 * length**3 - 0.05 * length, length])
-    return Piece(length, 1.3 * length + 0.2 * length**2, points)
+    return TrajectoryInterval(length, 1.3 * length + 0.2 * length**2, points)
 
 
 def test_cubics_are_exact() -> None:
@@ -32,7 +32,9 @@ def test_inversion() -> None:
 
 
 def test_two_states_are_joined_by_a_line() -> None:
-    piece = Piece(np.array([0.0, 1.0]), np.array([2.0, 4.0]), np.array([[0.0, 0.0], [0.0, 1.0]]))
+    piece = TrajectoryInterval(
+        np.array([0.0, 1.0]), np.array([2.0, 4.0]), np.array([[0.0, 0.0], [0.0, 1.0]])
+    )
     assert piece.at(0.25).depth == pytest.approx(2.5)
 
 

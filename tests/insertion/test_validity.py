@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from needlefem.errors import SimulationError
-from needlefem.fem.interpolation import Weights
+from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.fields import displacements, load
-from needlefem.insertion.inertia import DynamicMedium
+from needlefem.insertion.inertia import DynamicResponse
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.validity import validity
-from needlefem.insertion.viscous import ViscoelasticMedium
+from needlefem.insertion.viscous import ViscoelasticResponse
 from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.scene import Scene, vary
 
@@ -35,8 +35,8 @@ def run(gel: Scene, request: pytest.FixtureRequest) -> tuple[Insertion, np.ndarr
     course = simulation.course(simulation.entry_of_case())
     found = course.result(tuple(course.iterate()))
     medium = course.medium
-    assert isinstance(medium, ViscoelasticMedium | DynamicMedium)
-    motion = medium.motion if isinstance(medium, DynamicMedium) else medium._motion
+    assert isinstance(medium, ViscoelasticResponse | DynamicResponse)
+    motion = medium.motion if isinstance(medium, DynamicResponse) else medium._motion
     assert motion is not None
     moved = np.zeros(found.model.ndofs)
     moved[found.model.free_dofs] = motion.u
@@ -49,8 +49,8 @@ def test_the_field_of_the_last_state_is_the_tissues(run: tuple[Insertion, np.nda
     own = displacements(found, [last, 3])[:, 0]
     assert own == pytest.approx(moved, abs=1e-8 * np.abs(moved).max())
     state = found.states[last]
-    tip = Weights(state.tip_nodes, state.tip_weights[None]).of(found.model.nodal(own))[0]
-    assert tip @ found.axis.direction == pytest.approx(state.tip_moved, rel=1e-8)
+    tip = LinearFunctionals(state.tip_nodes, state.tip_weights[None]).of(found.model.nodal(own))[0]
+    assert tip @ found.axis.direction == pytest.approx(state.tip_displacement, rel=1e-8)
     still = found.model.solve(load(found.model, found.axis.frame, state, found.pieces)[:, None])
     assert np.abs(still[:, 0] - moved).max() > 1e-3 * np.abs(moved).max()  # not that at rest
 

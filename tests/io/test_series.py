@@ -11,7 +11,7 @@ from needlefem.checks.models import rectangle
 from needlefem.dynamics import (
     CentralDifference,
     Integrator,
-    Motion,
+    KinematicState,
     Newmark,
     QuasiStatic,
     TissueSystem,
@@ -26,7 +26,9 @@ GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
 CORNER = np.array([1.0, 1.0])
 
 
-def run(folder: Path, element: str = "P2", **wanted: object) -> tuple[TissueSystem, list[Motion]]:
+def run(
+    folder: Path, element: str = "P2", **wanted: object
+) -> tuple[TissueSystem, list[KinematicState]]:
     system = TissueSystem(rectangle(CATALOGUE[element], GEL, 3))
     stepper = Newmark().stepper(system, 0.1)
     force = system.traction("y_max", lambda points: np.tile([0.01, 0.0], (len(points), 1)))
@@ -66,7 +68,7 @@ def test_a_run_that_fails_leaves_whole_files(tmp_path: Path) -> None:
     system = TissueSystem(rectangle(CATALOGUE["P1"], GEL, 3))
     stepper = Newmark().stepper(system, 0.1)
 
-    def broken() -> Iterator[Motion]:
+    def broken() -> Iterator[KinematicState]:
         yield from iterate(stepper, stepper.at_rest(), None, 3)
         raise SimulationError("it broke")
 

@@ -10,7 +10,7 @@ from needlefem.dynamics import NAMES
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.materials import LAWS, Isotropic, Response, law_class, split
+from needlefem.materials import LAWS, Isotropic, MaterialResponse, law_class, volumetric_split
 from needlefem.materials.example import example
 from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.scene import Discretisation, Scene, vary
@@ -27,7 +27,9 @@ class NeoHooke:
     lam: float = 40e3
     density: float = 1000.0
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         one = np.eye(3)
         f = one + gradient
         inverse, log = np.linalg.inv(f), np.log(np.linalg.det(f))
@@ -39,7 +41,7 @@ class NeoHooke:
         tangent = tangent - factor[..., None, None] * swapped
         energy = 0.5 * self.mu * (np.sum(f**2, axis=(-2, -1)) - 3.0 - 2.0 * log)
         energy = energy + 0.5 * self.lam * log**2
-        return Response(self.mu * f + factor * turned, tangent, energy)
+        return MaterialResponse(self.mu * f + factor * turned, tangent, energy)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,9 @@ class Declared(NeoHooke):
 class TwoLaws(Isotropic):
     """Its stress is that of a softer law than its compliance."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         soft = Isotropic(youngs_modulus=0.5 * self.youngs_modulus, poissons_ratio=0.3)
         return soft.respond(gradient, state, step)
 
@@ -79,7 +83,9 @@ def test_the_linearisation_of_that_law_is_what_is_said() -> None:
     law = NeoHooke()
     ratio = 0.5 * law.lam / (law.lam + law.mu)
     alike = Isotropic(youngs_modulus=2.0 * law.mu * (1.0 + ratio), poissons_ratio=ratio)
-    assert split(law).shape == pytest.approx(split(alike).shape, rel=1e-9, abs=1e-6)
+    assert volumetric_split(law).shape == pytest.approx(
+        volumetric_split(alike).shape, rel=1e-9, abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -11,8 +11,8 @@ from needlefem.materials import (
     Orthotropic,
     TransverselyIsotropic,
     law_class,
-    plane_split,
-    split,
+    plane_volumetric_split,
+    volumetric_split,
 )
 from needlefem.materials.example import example
 from needlefem.materials.voigt import tangent_matrix, tangent_tensor
@@ -46,20 +46,20 @@ def test_isotropic_is_the_textbooks(nu: float) -> None:
     law = Isotropic(youngs_modulus=3e4, poissons_ratio=nu)
     expected = textbook(3e4, nu)
     near = 1e-9 * np.abs(expected).max()  # 1 - 2 nu itself has lost six digits at the last ratio
-    assert split(law).stiffness == pytest.approx(expected, abs=near)
+    assert volumetric_split(law).stiffness == pytest.approx(expected, abs=near)
     rows = [0, 1, 5]
-    flat = plane_split(law, "strain").stiffness
+    flat = plane_volumetric_split(law, "strain").stiffness
     assert flat == pytest.approx(expected[np.ix_(rows, rows)], abs=near)
     thin = 3e4 / (1 - nu**2) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, 0.5 * (1 - nu)]])
-    assert plane_split(law, "stress").stiffness == pytest.approx(thin, rel=1e-12)
-    assert split(law).poissons_ratio == pytest.approx(nu, abs=1e-12)
-    assert split(law).shear == pytest.approx(law.lame()[1])
+    assert plane_volumetric_split(law, "stress").stiffness == pytest.approx(thin, rel=1e-12)
+    assert volumetric_split(law).poissons_ratio == pytest.approx(nu, abs=1e-12)
+    assert volumetric_split(law).shear == pytest.approx(law.lame()[1])
 
 
 @pytest.mark.parametrize("nu", [0.3, 0.499999, 0.5])
 def test_shape_part_of_isotropic_tissue_is_twice_the_shear_modulus(nu: float) -> None:
     law = Isotropic(youngs_modulus=3.0, poissons_ratio=nu)
-    parts = split(law)
+    parts = volumetric_split(law)
     mu = 1.5 / (1 + nu)
     assert parts.shape == pytest.approx(np.diag([2 * mu] * 3 + [mu] * 3), abs=1e-12)
     assert parts.kappa == (np.inf if nu == 0.5 else pytest.approx(law.lame()[0], rel=1e-9))
@@ -82,7 +82,7 @@ def test_incompressible_stress_is_refused() -> None:
 )
 def test_every_law_passes_its_checks(law: LinearElastic) -> None:
     assert [c.name for c in check_law(law) if not c.passed] == []
-    parts = split(law)
+    parts = volumetric_split(law)
     assert parts.stiffness @ law.compliance() == pytest.approx(np.eye(6), abs=1e-10)
     assert np.linalg.eigvalsh(parts.shape)[0] > 0.0
 
@@ -133,7 +133,7 @@ def test_directions_must_be_directions() -> None:
 
 
 def test_voigt_and_tensor_are_one() -> None:
-    stiffness = split(orthotropic()).stiffness
+    stiffness = volumetric_split(orthotropic()).stiffness
     assert tangent_matrix(tangent_tensor(stiffness)) == pytest.approx(stiffness)
 
 

@@ -7,7 +7,7 @@ from skfem import MeshQuad, MeshTet, MeshTri
 from needlefem.checks.mesh_checks import preflight
 from needlefem.elements import element_row
 from needlefem.errors import CaseError
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import BACKGROUND, box, name_faces, name_regions
 from needlefem.mesh.soundness import refuse_unsound
@@ -127,6 +127,6 @@ def test_meshes_given_in_python_pass_the_same_check() -> None:
     mesh = name_faces(name_regions(joined(square(), square(0.04)), {}), ("y", "z"))
     law = {BACKGROUND: Isotropic(youngs_modulus=1e4, poissons_ratio=0.4)}
     supports = {"walls": Support(faces=("z_max",))}
-    model = Model(mesh, element_row("P1"), law, supports, ("y", "z"))
+    model = TissueModel(mesh, element_row("P1"), law, supports, ("y", "z"))
     with pytest.raises(CaseError, match="mesh: the mesh has 2 parts that are not joined"):
         preflight(model)

@@ -3,14 +3,14 @@ import pytest
 from skfem import MeshTet, MeshTri
 
 from needlefem.elements import element_row
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.interpolation import Interpolation
 from needlefem.mesh.generation import box
 from needlefem.mesh.surface import Surface, TipWatch
 
 
 def surface_of(mesh: MeshTri) -> Surface:
-    space = Space(mesh, element_row("P1"))
+    space = FunctionSpace(mesh, element_row("P1"))
     return Interpolation(mesh, space.element, space.cell_nodes).surface
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from needlefem.geometry.contour import Contour
 from needlefem.needle.clearance import blocked, distance, gaps, merged
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 
-DOWN = Axis(np.array([0.0, 0.0]), np.array([0.0, 1.0]))
+DOWN = InsertionAxis(np.array([0.0, 0.0]), np.array([0.0, 1.0]))
 BOX = Contour(np.array([[0.01, 0.02], [0.03, 0.02], [0.03, 0.04], [0.01, 0.04]]))
 """From 1 to 3 cm beside the needle, from 2 to 4 cm deep."""
 
@@ -22,7 +22,7 @@ def test_short_of_a_box_the_tip_is_nearest() -> None:
 
 @pytest.mark.parametrize("depth", [0.03, 0.05])
 def test_in_and_through_a_box_there_is_no_distance(depth: float) -> None:
-    middle = Axis(np.array([0.02, 0.0]), np.array([0.0, 1.0]))
+    middle = InsertionAxis(np.array([0.02, 0.0]), np.array([0.0, 1.0]))
     assert distance(middle, depth, BOX) == 0.0
 
 
@@ -50,16 +50,16 @@ def test_blocked_is_where_the_distance_is_too_small(seed: int) -> None:
     radius = rng.uniform(0.3, 1.0, 9)[:, None]
     star = Contour(radius * np.stack([np.cos(turn), np.sin(turn)], axis=1))
     angle = rng.uniform(0.0, 2.0 * np.pi)
-    axis = Axis(rng.normal(size=2), np.array([np.cos(angle), np.sin(angle)]))
+    axis = InsertionAxis(rng.normal(size=2), np.array([np.cos(angle), np.sin(angle)]))
     clearance, depth = rng.uniform(0.0, 0.4), rng.uniform(-2.0, 2.0)
     taken = blocked(axis, depth, star, clearance)
     for lateral in np.linspace(-4.0, 4.0, 401):
-        moved = Axis(axis.entry + lateral * axis.laterals[0], axis.direction)
+        moved = InsertionAxis(axis.entry + lateral * axis.lateral_directions[0], axis.direction)
         too_near = distance(moved, depth, star) < clearance
         assert too_near == any(low < lateral < high for low, high in taken)
     edges = [edge for interval in taken for edge in interval]
     for edge in edges:
-        moved = Axis(axis.entry + edge * axis.laterals[0], axis.direction)
+        moved = InsertionAxis(axis.entry + edge * axis.lateral_directions[0], axis.direction)
         assert distance(moved, depth, star) == pytest.approx(clearance, abs=1e-12)
 
 

@@ -4,24 +4,24 @@ import numpy as np
 import pytest
 
 from needlefem.insertion.simulation import Simulation
-from needlefem.needle.needle_interface import Instrument
+from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Scene, vary
 
 
 @pytest.fixture
-def oblique(gel: Scene) -> Instrument:
+def oblique(gel: Scene) -> NeedleInterface:
     simulation = Simulation(vary(gel, {"motion.direction": (-0.7, 1.0)}))
     return simulation.instrument(simulation.entry_of_case())
 
 
-def mean(instrument: Instrument, tip: np.ndarray, last: np.ndarray) -> np.ndarray:
+def mean(instrument: NeedleInterface, tip: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return the mean of the coordinates over the piece: of the points themselves."""
     weights = instrument.tip_and_piece(tip, last)
     nodes = instrument.interpolation._mesh.p.T
     return weights.rows[1] @ nodes[weights.nodes]
 
 
-def test_the_piece_at_an_oblique_skin_moves_smoothly_with_the_tip(oblique: Instrument) -> None:
+def test_the_piece_at_an_oblique_skin_moves_smoothly_with_the_tip(oblique: NeedleInterface) -> None:
     entry, direction = oblique.axis.entry, oblique.axis.direction
     lengths = np.linspace(0.2, 1.0, 801) * oblique.spacing
     means = np.array([mean(oblique, entry + length * direction, entry) for length in lengths])
@@ -31,11 +31,11 @@ def test_the_piece_at_an_oblique_skin_moves_smoothly_with_the_tip(oblique: Instr
     )  # a point left out moves it by 40 times that
 
 
-def test_the_piece_at_an_oblique_skin_is_the_part_in_the_tissue(oblique: Instrument) -> None:
+def test_the_piece_at_an_oblique_skin_is_the_part_in_the_tissue(oblique: NeedleInterface) -> None:
     entry, ahead = oblique.axis.entry, oblique.spacing * oblique.axis.direction
     radius = oblique.kernel.radius  # type: ignore[attr-defined]
     share, across = np.meshgrid(np.linspace(0.0, 1.0, 2001), np.linspace(-1.0, 1.0, 2001))
-    lateral = oblique.axis.laterals[0]
+    lateral = oblique.axis.lateral_directions[0]
     points = entry + share[..., None] * ahead + radius * across[..., None] * lateral
     inside = (points - entry) @ oblique.inward >= 0.0
     assert 0.5 < inside.mean() < 0.95  # the skin cuts the piece
@@ -43,7 +43,7 @@ def test_the_piece_at_an_oblique_skin_is_the_part_in_the_tissue(oblique: Instrum
     assert mean(oblique, entry + ahead, entry) == pytest.approx(wanted, abs=0.02 * radius)
 
 
-def test_pieces_of_a_path_are_those_that_the_tip_leaves_behind(oblique: Instrument) -> None:
+def test_pieces_of_a_path_are_those_that_the_tip_leaves_behind(oblique: NeedleInterface) -> None:
     entry, ahead = oblique.axis.entry, oblique.spacing * oblique.axis.direction
     vertices = entry + np.arange(4)[:, None] * ahead
     together, nodes = oblique.pieces(vertices), oblique.interpolation._mesh.p.T

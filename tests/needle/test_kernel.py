@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from needlefem.needle.insertion_axis import Axis
-from needlefem.needle.tip_kernel import DiscKernel, PointKernel, cross_section
+from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.tip_kernel import PointKernel, TipKernel, cross_section
 
 INWARD = np.array([0.0, 1.0])
 SKIN = np.array([0.2, 0.0])
@@ -16,7 +16,7 @@ def moments(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def test_whole_disc_has_the_moments_of_a_disc() -> None:
     centre = np.array([0.2, 5.0])
-    points, weights = DiscKernel(1.0, 64, SKIN, INWARD).quadrature(centre)
+    points, weights = TipKernel(1.0, 64, SKIN, INWARD).quadrature(centre)
     mean, spread = moments(points, weights)
     assert weights.sum() == pytest.approx(1.0)
     assert mean == pytest.approx(centre, abs=1e-12)
@@ -25,7 +25,7 @@ def test_whole_disc_has_the_moments_of_a_disc() -> None:
 
 
 def test_disc_at_the_skin_is_its_inner_half() -> None:
-    points, weights = DiscKernel(1.0, 64, SKIN, INWARD).quadrature(SKIN)
+    points, weights = TipKernel(1.0, 64, SKIN, INWARD).quadrature(SKIN)
     mean, _ = moments(points, weights)
     assert points[:, 1].min() >= 0.0
     assert mean == pytest.approx([0.2, 4.0 / (3.0 * np.pi)], rel=2e-3)
@@ -33,7 +33,7 @@ def test_disc_at_the_skin_is_its_inner_half() -> None:
 
 def test_ball_has_the_moments_of_a_ball() -> None:
     inward = np.array([0.0, 0.0, 1.0])
-    kernel = DiscKernel(1.0, 500, np.zeros(3), inward)
+    kernel = TipKernel(1.0, 500, np.zeros(3), inward)
     centre = np.array([0.1, 0.2, 3.0])
     mean, spread = moments(*kernel.quadrature(centre))
     assert mean == pytest.approx(centre, abs=1e-12)
@@ -41,7 +41,7 @@ def test_ball_has_the_moments_of_a_ball() -> None:
 
 
 def test_points_move_smoothly_with_the_centre_through_the_skin() -> None:
-    kernel = DiscKernel(1.0, 48, SKIN, INWARD)
+    kernel = TipKernel(1.0, 48, SKIN, INWARD)
 
     def smooth(depth: float) -> float:
         points, weights = kernel.quadrature(SKIN + depth * INWARD)
@@ -55,8 +55,8 @@ def test_points_move_smoothly_with_the_centre_through_the_skin() -> None:
 def test_rule_turns_with_the_needle() -> None:
     turn = np.array([[0.8, -0.6], [0.6, 0.8]])
     centre = np.array([0.2, 0.5])
-    points, weights = DiscKernel(1.0, 48, SKIN, INWARD).quadrature(centre)
-    turned, same = DiscKernel(1.0, 48, turn @ SKIN, turn @ INWARD).quadrature(turn @ centre)
+    points, weights = TipKernel(1.0, 48, SKIN, INWARD).quadrature(centre)
+    turned, same = TipKernel(1.0, 48, turn @ SKIN, turn @ INWARD).quadrature(turn @ centre)
     order = np.lexsort((points @ turn.T).T.round(9))
     assert (points @ turn.T)[order] == pytest.approx(turned[np.lexsort(turned.T.round(9))])
     assert np.sort(weights) == pytest.approx(np.sort(same))
@@ -78,13 +78,13 @@ def test_cross_sections_are_centred_and_uniform() -> None:
 def test_frames_are_orthonormal() -> None:
     for direction in ([0.0, 1.0], [0.6, -0.8], [0.0, 0.6, 0.8], [1.0, 0.0, 0.0]):
         unit = np.array(direction)
-        frame = Axis(np.zeros(len(unit)), unit).frame
+        frame = InsertionAxis(np.zeros(len(unit)), unit).frame
         assert frame @ frame.T == pytest.approx(np.eye(len(unit)), abs=1e-14)
         assert np.array_equal(frame[0], unit)
 
 
 def test_axis_coordinates() -> None:
-    axis = Axis(np.array([1.0, 2.0]), np.array([0.0, 1.0]))
-    assert axis.along(np.array([5.0, 7.0])) == pytest.approx(5.0)
-    assert axis.offset(np.array([5.0, 7.0])) == pytest.approx([4.0])
-    assert axis.tip(3.0) == pytest.approx([1.0, 5.0])
+    axis = InsertionAxis(np.array([1.0, 2.0]), np.array([0.0, 1.0]))
+    assert axis.axial_coordinate(np.array([5.0, 7.0])) == pytest.approx(5.0)
+    assert axis.lateral_offset(np.array([5.0, 7.0])) == pytest.approx([4.0])
+    assert axis.tip_position(3.0) == pytest.approx([1.0, 5.0])

@@ -8,7 +8,7 @@ from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.generation import signed_measures
-from needlefem.mesh.refine import halved
+from needlefem.mesh.refine import uniformly_refined
 from needlefem.planning import reference_solution as reference
 from needlefem.planning.error_estimate import HALVED, estimate, finer_tissue, offset_on, path_error
 from needlefem.planning.plan import plan
@@ -92,7 +92,7 @@ def test_stepped_insertions_are_estimated_by_a_whole_one(coarse: Scene) -> None:
 def test_an_insertion_that_breaks_off_after_steps_has_no_estimate(gel: Scene) -> None:
     soft = {"materials.gel.youngs_modulus": 4e3, "motion.max_depth": 0.045}
     found = plan(vary(gel, soft))  # path following, time stepping, then cutting would give energy
-    assert len(found.insertion.states[-1].axial) < len(found.insertion.states) - 2
+    assert len(found.insertion.states[-1].friction_force) < len(found.insertion.states) - 2
     assert found.status is PlanStatus.NOT_CONVERGED
     assert found.evidence.estimate is None
     assert found.evidence.missing["estimate"]
@@ -107,7 +107,7 @@ def test_estimate_is_left_out_when_not_wanted_or_nothing_is_cut(organ: Scene) ->
 
 def test_halved_cells_follow_the_contour(coarse: Scene) -> None:
     mesh, contour = build_mesh(coarse), coarse.regions["organ"].contour
-    finer = halved(mesh, [contour])
+    finer = uniformly_refined(mesh, [contour])
     inner, outer = (finer.t2f[:, cells] for cells in finer.subdomains.values())
     between = np.unique(finer.facets[:, np.intersect1d(inner, outer)])
     assert contour.distance(finer.p.T[between]).max() < 1e-12

@@ -7,7 +7,7 @@ from needlefem.errors import CaseError
 from needlefem.geometry.contour import Contour
 from needlefem.insertion.simulation import Simulation
 from needlefem.needle.clearance import distance
-from needlefem.needle.insertion_axis import Axis
+from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, PlanStatus
@@ -30,7 +30,9 @@ def behind(scene: Scene, *bars: Contour) -> Scene:
 
 def kept(found: Plan, bar: Contour) -> float:
     """Return the distance of the planned needle to a bar."""
-    return distance(Axis(found.best.release_point, found.insertion.axis.direction), 0.0, bar)
+    return distance(
+        InsertionAxis(found.best.release_point, found.insertion.axis.direction), 0.0, bar
+    )
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Path as CutPath
+from needlefem.insertion.trajectory import TipTrajectory as CutPath
 from needlefem.insertion.validity import validity
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan

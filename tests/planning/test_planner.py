@@ -75,7 +75,7 @@ def test_max_depth_bounds_every_plan_and_is_named(organ: Scene, search: str, dep
     assert f"motion.max_depth = {100 * depth:.4g} cm" in found.sentence
     for release in (found.best, found.unplanned, found.depth_only):
         if release is not None:
-            assert float(found.level.axis.along(release.release_point)) <= depth + 1e-9
+            assert float(found.level.axis.axial_coordinate(release.release_point)) <= depth + 1e-9
     proposed = re.search(r'set motion.max_depth to "([\d.]+) cm"', found.sentence)
     again = plan(vary(shallow, {"motion.max_depth": 1e-2 * float(proposed[1])}), search=search)
     assert again.status is PlanStatus.PLANNED

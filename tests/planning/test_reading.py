@@ -163,7 +163,7 @@ def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
         found = plan(inside, search=search)
         assert found.status is PlanStatus.UNREACHABLE
         assert "the tip jumps over that material" in found.sentence
-        depth = float(found.insertion.axis.along(found.best.release_point))
+        depth = float(found.insertion.axis.axial_coordinate(found.best.release_point))
         if at_jump(found.insertion, depth):
             assert found.evidence.validity is None
             assert found.evidence.estimate is None

@@ -15,7 +15,7 @@ from needlefem.alterovitz2003.figures_turning import turned
 from needlefem.cli.main import main
 from needlefem.cli.replay import replay
 from needlefem.errors import CaseError, NoRendererError
-from needlefem.fem.recovery import CellValues
+from needlefem.fem.recovery import CellFields
 from needlefem.insertion.fields import displacements, loads
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import simulate
@@ -76,7 +76,7 @@ def test_film_of_tissue_in_time_is_what_the_needle_met(gel: Scene, kind: str) ->
     film, state = Film(insertion), insertion.states[-1]
     last = film.moments([np.inf])[0]
     mean = state.tip_weights @ film.model.nodal(last.u)[state.tip_nodes]
-    assert float(mean @ insertion.axis.direction) == pytest.approx(state.tip_moved, rel=1e-6)
+    assert float(mean @ insertion.axis.direction) == pytest.approx(state.tip_displacement, rel=1e-6)
     at_rest = insertion.model.solve(loads(insertion, [len(insertion.states) - 1]))[:, 0]
     assert np.abs(at_rest - last.u).max() > 0.02 * np.abs(last.u).max()
 
@@ -91,7 +91,7 @@ def test_cells_of_a_uniform_strain(gel: Scene) -> None:
     for name in ("P1", "P2-P1", "Q1-Bbar"):
         model = build_model(with_element(gel, name))
         field = model.nodes @ np.array([[exx, 0.0], [gamma, eyy]])
-        cells, u = CellValues(model), model.dof_vector(field)
+        cells, u = CellFields(model), model.dof_vector(field)
         np.testing.assert_allclose(cells.von_mises(u), mises, rtol=1e-9)
         np.testing.assert_allclose(cells.volume_ratio(u), (1 + exx) * (1 + eyy), rtol=1e-9)
         principal = 0.5 * (exx + eyy) + np.hypot(0.5 * (exx - eyy), 0.5 * gamma)
@@ -107,7 +107,7 @@ def test_folded_cells_are_marked(gel: Scene) -> None:
     model = build_model(gel)
     field = np.zeros_like(model.nodes)
     field[:, 0] = -2.0 * model.nodes[:, 0]
-    values = QUANTITIES["validity"].of(CellValues(model), model.dof_vector(field))
+    values = QUANTITIES["validity"].of(CellFields(model), model.dof_vector(field))
     assert np.isnan(values).all()
     assert scale_of(QUANTITIES["validity"], [values]).high == 1.0
 

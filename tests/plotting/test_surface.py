@@ -10,9 +10,9 @@ import pyvista as pv
 import skfem
 
 from needlefem.checks.models import rectangle
-from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.elements import CATALOGUE, ElementType
 from needlefem.elements.quadrature import gauss, simplex
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.io.vtu import write_vtu
 from needlefem.materials import Isotropic
 from needlefem.plotting.surface import MOST, Surface
@@ -23,7 +23,7 @@ CURVED = {"P2", "Q2", "P2-P1", "Q2-Q1"}
 QUADRATIC = dataclasses.replace(
     TETRAHEDRON, name="T2", make=skfem.ElementTetP2, degree=2, stiffness_rule=simplex(2, 3)
 )
-HEXAHEDRON = ElementRow(
+HEXAHEDRON = ElementType(
     name="H1", cell="hexahedron", make=skfem.ElementHex1, degree=1, stiffness_rule=gauss(2, 3),
     mass_rule=gauss(2, 3), lumpings=("row-sum",), poissons_ratio_limit=0.45,
 )  # fmt: skip
@@ -71,7 +71,7 @@ def test_plane_cells_are_as_curved_as_their_element(name: str) -> None:
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_faces_of_solids_are_drawn(kind: str) -> None:
     mesh, row = SOLIDS[kind]
-    space = Space(mesh.init_tensor(*3 * [np.linspace(0.0, 1.0, 4)]), row)
+    space = FunctionSpace(mesh.init_tensor(*3 * [np.linspace(0.0, 1.0, 4)]), row)
     surface = Surface(space)
     assert size(surface.rest, surface.polygons) == pytest.approx(6.0)
     u = space.dof_vector(bent(space.nodes, row.degree))
@@ -83,7 +83,7 @@ def test_faces_of_solids_are_drawn(kind: str) -> None:
 @pytest.mark.parametrize("kind", SOLIDS)
 def test_solids_open_in_pyvista(kind: str, tmp_path: Path) -> None:
     mesh, row = SOLIDS[kind]
-    space = Space(mesh.init_tensor(*3 * [np.linspace(0.0, 1.0, 3)]), row)
+    space = FunctionSpace(mesh.init_tensor(*3 * [np.linspace(0.0, 1.0, 3)]), row)
     of_cells = {"number": np.arange(space.mesh.nelements)}
     write_vtu(tmp_path / "a.vtu", space, {"displacement": bent(space.nodes, 1)}, of_cells)
     grid = pv.read(tmp_path / "a.vtu")

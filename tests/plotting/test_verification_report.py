@@ -11,7 +11,7 @@ from needlefem.checks.models import square_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape, run_problem
 from needlefem.elements import CATALOGUE
 from needlefem.errors import NoRendererError
-from needlefem.fem.boundary_value_problem import Statics
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem
 from needlefem.materials import Isotropic
 from needlefem.plotting import verification_report as page
 from needlefem.plotting.svg_charts import Bar, Line, bars, loglog
@@ -41,10 +41,10 @@ class Strict(HTMLParser):
 
 def made_up(*, failing: bool) -> Problem:
     element = CATALOGUE["Q1"]
-    problem = Statics(
+    problem = BoundaryValueProblem(
         square_mesh(element, 3), element, Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
     )
-    solved = problem.hold(None, lambda x: 0.1 * x).solve()
+    solved = problem.fix(None, lambda x: 0.1 * x).solve()
     curve = Curve(
         element="Q1",
         quantity="L2",

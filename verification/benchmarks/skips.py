@@ -13,11 +13,11 @@ from needlefem.bench.timing import children_seconds, median, processor_seconds
 from needlefem.casefile.load import load_case
 from needlefem.dynamics import Damping, TissueSystem
 from needlefem.errors import CaseError
-from needlefem.fem.compliance import SharedResponses
+from needlefem.fem.compliance import CachedCompliance
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.planning.planner import Planner
 from needlefem.plotting.svg_charts import Bar, bars
 from needlefem.scene import DYNAMIC, Scene, Stage, vary
@@ -117,7 +117,7 @@ class Ways:
 
     def tip(self, simulation: Simulation | None = None) -> Any:
         """Return the material point at the tip at the depth of comparison."""
-        reach = Path(self.insert(simulation)).at_depth(self.depth)
+        reach = TipTrajectory(self.insert(simulation)).at_depth(self.depth)
         assert reach is not None
         return reach.point
 
@@ -138,7 +138,7 @@ class Ways:
     def everywhere(self) -> Any:
         """Insert with the responses of all nodes."""
         whole = Simulation(self.scene, self.shared.model)
-        whole.responses = SharedResponses(whole.model)
+        whole.responses = CachedCompliance(whole.model)
         whole.responses.rows(np.arange(whole.model.nnodes))
         return self.tip(whole)
 
@@ -201,7 +201,7 @@ def touched(insertion: Insertion, *, fully: bool = False) -> Any:
     """Return where the pieces of the path are in the last state, from contact or from the field."""
     last = insertion.states[-1]
     if not fully:
-        return last.moved
+        return last.segment_displacement
     fields = displacements(insertion, range(len(insertion.states)))
     field = insertion.model.nodal(fields[:, -1])
     pieces = last.filled(insertion.pieces)

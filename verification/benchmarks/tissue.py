@@ -14,7 +14,7 @@ from needlefem.dynamics import (
     CentralDifference,
     Damping,
     GeneralizedAlpha,
-    Motion,
+    KinematicState,
     Newmark,
     QuasiStatic,
     Stepper,
@@ -120,9 +120,9 @@ def _times(scene: Scene) -> tuple[dict[str, float], int, float]:
     return found, plain.size, found["M x, K x, back-substitution"]
 
 
-def _steps(stepper: Stepper, force: Floats, count: int) -> Callable[[], Motion]:
-    def go() -> Motion:
-        motion = Motion(*(np.zeros_like(force) for _ in range(3)))
+def _steps(stepper: Stepper, force: Floats, count: int) -> Callable[[], KinematicState]:
+    def go() -> KinematicState:
+        motion = KinematicState(*(np.zeros_like(force) for _ in range(3)))
         for _ in range(count):
             motion = stepper.advance_under(motion, force, force)
         return motion

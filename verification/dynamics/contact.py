@@ -4,9 +4,9 @@ import numpy as np
 from scipy.sparse import diags_array
 
 from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import GeneralizedAlpha, MatrixSystem, Newmark, kinetic_energy
-from needlefem.dynamics.steppers import Weights
+from needlefem.dynamics.steppers import AlphaParameters
 from verification.support.friction_system import END, MEAN, Rest, Rubbing
 
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
@@ -29,7 +29,7 @@ def pulled(cells: int, limit: float) -> tuple[Rubbing, list[Rest]]:
     """Return a bar held by friction at one end, pulled by a unit force at the other from 0 on."""
     still, step = np.zeros(cells + 1), 0.5 / cells
     force = np.append(still[1:], 1.0)
-    held = Rubbing(bar(cells), np.eye(cells + 1)[:1], limit, Friction(), speed=0.0,
+    held = Rubbing(bar(cells), np.eye(cells + 1)[:1], limit, SlipWeakeningFriction(), speed=0.0,
                    load=lambda _: force)  # fmt: skip
     start = held.start(still, still)
     return held, [start, *held.iterate(start, step, round(8.0 / step))]
@@ -46,10 +46,10 @@ def wave(cells: int) -> tuple[float, float, float]:
     return rms, pull, float(np.abs(ends[:, 0]).max())
 
 
-def pushed(steps: int, weights: Weights) -> float:
+def pushed(steps: int, weights: AlphaParameters) -> float:
     """Return what is missing, over the work, for a mass that is pushed on a rough floor."""
     one = np.ones((1, 1))
-    mass = Rubbing(MatrixSystem(one, one), one, 0.4, Friction(), speed=0.0,
+    mass = Rubbing(MatrixSystem(one, one), one, 0.4, SlipWeakeningFriction(), speed=0.0,
                    load=lambda time: np.array([np.sin(0.9 * time)]), weights=weights)  # fmt: skip
     start = mass.start(np.zeros(1), np.zeros(1))
     return mass.missing(start, mass.last(start, 20.0 / steps, steps))
@@ -72,7 +72,7 @@ def caught(integrator: Newmark | GeneralizedAlpha, steps: int) -> tuple[float, f
 def caught_by_velocity(steps: int) -> float:
     """Return the velocity left in a point that slid and sticks, against that of what moves."""
     one = np.ones((1, 1))
-    mass = Rubbing(MatrixSystem(one, one), one, 1e3, Friction(), speed=1.0)
+    mass = Rubbing(MatrixSystem(one, one), one, 1e3, SlipWeakeningFriction(), speed=1.0)
     found = mass.last(mass.start(np.zeros(1), np.zeros(1)), 1e-2, steps)
     return abs(float(found.motion.v[0]) - 1.0)
 
@@ -87,7 +87,9 @@ def cycles(count: int, steps: int) -> tuple[float, float, float]:
     tether = system.stiffness + diags_array([1.0, *still[1:]])
     system = MatrixSystem(system.mass, tether, 0.05 * tether + system.mass)
     rubbings = [
-        Rubbing(system, np.eye(CELLS + 1)[1::2], 0.02, Friction(RATIO, LENGTH), speed=speed)
+        Rubbing(
+            system, np.eye(CELLS + 1)[1::2], 0.02, SlipWeakeningFriction(RATIO, LENGTH), speed=speed
+        )
         for speed in (0.02, 0.0, -0.02, 0.0)
     ]
     start = state = rubbings[0].start(still, still)

@@ -21,7 +21,7 @@ from needlefem.dynamics import (
 from needlefem.dynamics.histories import constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.fem.forms import traction_load
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Support
 
@@ -36,7 +36,7 @@ def tissue_of(ratio: float, **constants: object) -> Viscoelastic:
     return Viscoelastic(youngs_modulus=3e3, poissons_ratio=ratio, **given)
 
 
-def pulled(name: str, law: Viscoelastic) -> tuple[Model, Floats]:
+def pulled(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
     """Return a square that slides on two sides, and a load that pulls a third evenly."""
     supports = {
         "back": Support(faces=("y_min",), fixed=("y",)),
@@ -48,7 +48,7 @@ def pulled(name: str, law: Viscoelastic) -> tuple[Model, Floats]:
     return model, along[model.free_dofs]
 
 
-def sheared(name: str, law: Viscoelastic) -> tuple[Model, Floats]:
+def sheared(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
     """Return a square held on one side, and a load that shears the opposite one."""
     model = rectangle(CATALOGUE[name], law, 4)
     force = np.zeros(model.ndofs)
@@ -140,7 +140,7 @@ def loss(name: str, per_period: int) -> list[Answer]:
     ]  # fmt: skip
 
 
-def directly(model: Model, system: TissueSystem, force: Floats, omega: float) -> complex:
+def directly(model: TissueModel, system: TissueSystem, force: Floats, omega: float) -> complex:
     """Solve the complex problem: every branch has the stiffness of its frequency."""
     matrix = model.free_block(model.stiffness.matrix.tocsr()).astype(complex)
     for time, relaxing in system.branches:

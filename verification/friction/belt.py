@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
 from verification.support.friction_system import Rubbing
 
@@ -23,7 +23,7 @@ def belt(ratio: float) -> Rubbing:
         MatrixSystem(one, STIFFNESS * one),
         one,
         FORCE,
-        Friction(ratio),
+        SlipWeakeningFriction(ratio),
         speed=SPEED,
     )
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
 from verification.support.friction_system import Rest, Rubbing
 
@@ -21,7 +21,7 @@ def turns(steps: int) -> tuple[list[Rest], Rest]:
         MatrixSystem(one, STIFFNESS * one),
         one,
         KINETIC,
-        Friction(STATIC / KINETIC),
+        SlipWeakeningFriction(STATIC / KINETIC),
         speed=0.0,
     )
     old = state = mass.start(np.array([START]), np.zeros(1))

@@ -30,7 +30,9 @@ def roughness(forces: np.ndarray) -> float:
 
 def of_shaft(state: State) -> tuple[np.ndarray, np.ndarray]:
     """Return lateral forces and friction of whole pieces."""
-    return state.lateral[1 : state.whole, 0], state.axial[1 : state.whole]
+    return state.lateral_force[1 : state.full_segments, 0], state.friction_force[
+        1 : state.full_segments
+    ]
 
 
 def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]) -> list[Answer]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from needlefem.checks.models import tissue
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import box
@@ -27,7 +27,9 @@ def needle(pieces: int, stiffness: float) -> LyingNeedle:
     law = Isotropic(youngs_modulus=STRETCH / WIDTH, poissons_ratio=0.0)
     bar = tissue(mesh, CATALOGUE["Q1"], law, lambda at: at[:, 1] > LENGTH * (1.0 - 1e-9))
     ends = np.array([0.5 * WIDTH, 0.0]), np.array([0.5 * WIDTH, LENGTH])
-    return LyingNeedle(bar, ends, pieces, LIMIT, friction=Friction(stiffness=stiffness))
+    return LyingNeedle(
+        bar, ends, pieces, LIMIT, friction=SlipWeakeningFriction(stiffness=stiffness)
+    )
 
 
 def slip_length(load: float) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
 from verification.support.friction_system import Rubbing
 
@@ -33,7 +33,7 @@ def cycle(steps: int) -> dict[str, float]:
         MatrixSystem(MASS * one, STIFFNESS * one),
         one,
         KINETIC,
-        Friction(STATIC / KINETIC),
+        SlipWeakeningFriction(STATIC / KINETIC),
         speed=0.0,
         load=lambda time: np.array([STIFFNESS * SPEED * time]),
     )

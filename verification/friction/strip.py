@@ -4,7 +4,7 @@ import numpy as np
 
 from needlefem.checks.models import rectangle
 from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.contact.friction import Friction
+from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.scene import Support
@@ -81,7 +81,7 @@ def weakening() -> list[Answer]:
     """Let static friction of 1.5 times the kinetic one fall over slip, gently and at once."""
     answers = []
     for name, length in (("gentle", 2.0 * GIVE), ("sudden", 0.2 * GIVE)):
-        needle = strip("Q2", 8, 0.0, friction=Friction(ratio=1.5, length=length))
+        needle = strip("Q2", 8, 0.0, friction=SlipWeakeningFriction(ratio=1.5, length=length))
         travel, back = np.linspace(0.0, 4.0, 33)[1:] * GIVE, 0.0
         forces = np.array([needle.move(float(at)) for at in travel]) / LENGTH
         exact = np.array([weakened(float(at), 1.5, length) for at in travel])

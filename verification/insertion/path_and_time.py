@@ -5,8 +5,8 @@ import numpy as np
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import Way
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.state import TipPhase
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Scene, vary
 from verification.support.organ_in_gel import MODULI, organ_in_gel
@@ -29,7 +29,7 @@ def in_depth(marched: Insertion, spacing: float, step: float) -> float:
 
 def apart(found: Insertion, depths: np.ndarray, tips: np.ndarray) -> float:
     """Return how far an insertion that stops at depths is off given material points, m."""
-    cutting = [state for state in found.states if state.way is Way.CUTTING]
+    cutting = [state for state in found.states if state.tip_phase is TipPhase.CUTTING]
     own = np.array([state.depth for state in cutting])
     nearest = np.argmin(np.abs(own[:, None] - depths), axis=0)
     missed = float(np.max(np.abs(own[nearest] - depths)))
@@ -49,10 +49,10 @@ def in_time(marched: Insertion, spacing: float) -> float:
         for name, modulus in MODULI.items()
     }
     found = simulate(vary(scene(spacing), {"materials": laws}))
-    path, begin = Path(marched), (marched.puncture_depth or 0.0) + 2.0 * SPACINGS[0]
+    path, begin = TipTrajectory(marched), (marched.puncture_depth or 0.0) + 2.0 * SPACINGS[0]
     worst = 0.0
     for state in found.states:
-        if state.way is Way.CUTTING and begin < state.depth < marched.depths[-1]:
+        if state.tip_phase is TipPhase.CUTTING and begin < state.depth < marched.depths[-1]:
             reach = path.at_depth(state.depth)
             worst = max(worst, np.inf if reach is None else np.linalg.norm(reach.point - state.tip))
     return float(worst)

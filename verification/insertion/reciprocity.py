@@ -12,7 +12,7 @@ from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import Way
+from needlefem.insertion.state import TipPhase
 from needlefem.materials import Isotropic
 from needlefem.scene import Scene, Stage, vary
 from needlefem.scene.build import build_mesh, build_model
@@ -77,7 +77,7 @@ def at_rest(found: Insertion) -> float:
     """Return the displacement with the needle out, relative to the largest on the way."""
     last, deepest = len(found.states) - 1, int(np.argmax(found.depths))
     sizes = np.max(np.abs(displacements(found, [last, deepest])), axis=0)
-    return float(sizes[0] / sizes[1]) if found.states[-1].way is Way.OUT else np.inf
+    return float(sizes[0] / sizes[1]) if found.states[-1].tip_phase is TipPhase.OUTSIDE else np.inf
 
 
 def run(quick: bool) -> Findings:

@@ -48,7 +48,7 @@ def pushed(element: str) -> list[Answer]:
         changes = {"discretisation.integrator": way, "motion.stages": ()}
         insertion = simulate(vary(layer(element), changes))
         steps = np.linalg.norm(np.diff(insertion.tips, axis=0), axis=1)
-        length = np.sum(steps) if way == "march" else insertion.states[-1].covered
+        length = np.sum(steps) if way == "march" else insertion.states[-1].inserted_length
         exact = CUTTING + FRICTION * float(length)
         label = element if way == "march" else f"{element}, stepped"
         energies, force = ledger(insertion), insertion.states[-1].force

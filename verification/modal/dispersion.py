@@ -7,7 +7,7 @@ from needlefem.checks.reference_problem import Answer, Findings, Problem
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes
 from needlefem.elements import CATALOGUE
-from needlefem.fem.tissue_model import Model
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import BACKGROUND, name_faces, name_regions
 from needlefem.scene import Support
@@ -29,7 +29,7 @@ def largest(lumping: str | None) -> float:
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
     supports = {"sides": Support(faces=("z_min", "z_max"), fixed=("z",))}
     axes = ("y", "z")
-    model = Model(named, CATALOGUE["Q1"], {BACKGROUND: LAW}, supports, axes, floating=True)
+    model = TissueModel(named, CATALOGUE["Q1"], {BACKGROUND: LAW}, supports, axes, floating=True)
     return TissueSystem(model, lumping=lumping).largest_frequency / CELLS / sound()
 
 
@@ -47,7 +47,7 @@ def system(lumping: str | None) -> tuple[TissueSystem, float]:
         "ends": Support(faces=("y_min", "y_max"), fixed=("y",)),
         "sides": Support(faces=("z_min", "z_max"), fixed=("z",)),
     }
-    model = Model(named, CATALOGUE["Q1"], {BACKGROUND: LAW}, supports, ("y", "z"))
+    model = TissueModel(named, CATALOGUE["Q1"], {BACKGROUND: LAW}, supports, ("y", "z"))
     return TissueSystem(model, lumping=lumping), sound()
 
 

@@ -8,7 +8,7 @@ from needlefem.checks.work_precision import elements_race
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes
 from needlefem.elements import CATALOGUE
-from needlefem.fem.function_space import Space
+from needlefem.fem.function_space import FunctionSpace
 from needlefem.materials import Isotropic
 
 EXACT = np.sqrt(2.0) * np.pi
@@ -60,7 +60,7 @@ def frequency(
 
 def unknowns(divisions: int, name: str) -> int:
     """Return the displacements of a square."""
-    return Space(square_mesh(CATALOGUE[name], divisions), CATALOGUE[name]).ndofs
+    return FunctionSpace(square_mesh(CATALOGUE[name], divisions), CATALOGUE[name]).ndofs
 
 
 def run(quick: bool) -> Findings:

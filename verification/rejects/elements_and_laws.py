@@ -7,9 +7,9 @@ import numpy as np
 
 from needlefem.checks.qualify import failures, qualify
 from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.elements import CATALOGUE, MEAN, PRESSURE, ElementRow
+from needlefem.elements import BBAR, CATALOGUE, MIXED, ElementType
 from needlefem.elements.quadrature import gauss, simplex
-from needlefem.materials import Isotropic, Response
+from needlefem.materials import Isotropic, MaterialResponse
 
 P1, P2, Q1 = CATALOGUE["P1"], CATALOGUE["P2"], CATALOGUE["Q1"]
 RIGHT = Isotropic(youngs_modulus=1e4, poissons_ratio=0.3)
@@ -22,7 +22,9 @@ class Law:
     right: Isotropic = RIGHT
     density: float = 1000.0
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return the right answer."""
         return self.right.respond(gradient, state, step)
 
@@ -30,7 +32,9 @@ class Law:
 class PushesBack(Law):
     """Sign: the stress points against the strain."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return the stress with the other sign."""
         right = super().respond(gradient)
         return dataclasses.replace(right, stress=-right.stress, tangent=-right.tangent)
@@ -39,7 +43,9 @@ class PushesBack(Law):
 class TwiceTheEnergy(Law):
     """Factor 2: the energy lacks its half."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return twice the energy."""
         right = super().respond(gradient)
         return dataclasses.replace(right, energy=2.0 * right.energy)
@@ -48,7 +54,9 @@ class TwiceTheEnergy(Law):
 class ForgetsVolume(Law):
     """Missing term: the tangent is without lambda."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return a tangent of shear alone."""
         right = super().respond(gradient)
         eye = np.eye(3)
@@ -59,7 +67,9 @@ class ForgetsVolume(Law):
 class SwapsShears(Law):
     """Swapped shear: 13 and 23 are taken for each other."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return the stress with two shears exchanged."""
         right = super().respond(gradient)
         stress = np.array(right.stress)
@@ -71,18 +81,22 @@ class SwapsShears(Law):
 class FollowsRotation(Law):
     """Missing half: the gradient is taken for the strain."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return ``2 mu gradient``, its tangent and its energy."""
         mu = self.right.lame()[1]
         tangent = 2.0 * mu * np.einsum("ik,jl->ijkl", np.eye(3), np.eye(3))
         energy = mu * np.sum(gradient**2, axis=(-2, -1))
-        return Response(stress=2.0 * mu * gradient, tangent=tangent, energy=energy)
+        return MaterialResponse(stress=2.0 * mu * gradient, tangent=tangent, energy=energy)
 
 
 class PumpsEnergy(Law):
     """Non-symmetric tangent: stretching pulls across, but pulling across does not stretch."""
 
-    def respond(self, gradient: np.ndarray, state: Any = None, step: float = 0.0) -> Response:
+    def respond(
+        self, gradient: np.ndarray, state: Any = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return a stress that is no derivative, with its own tangent."""
         right = super().respond(gradient)
         stress, tangent = np.array(right.stress), np.array(right.tangent)
@@ -108,7 +122,7 @@ class HalfShear(Isotropic):
         return super().compliance() * np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.5])
 
 
-def spoiled(element: ElementRow, **methods: Any) -> Any:
+def spoiled(element: ElementType, **methods: Any) -> Any:
     """Return a factory of scikit-fem's element with methods replaced."""
     return type("Spoiled", (type(element.make()),), methods)
 
@@ -128,7 +142,7 @@ def _curved(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
     return value + 0.1 * X[0] * X[1] * (i == 0), slope + 0.1 * np.stack([X[1], X[0]]) * (i == 0)
 
 
-def elements() -> dict[str, tuple[ElementRow, str]]:
+def elements() -> dict[str, tuple[ElementType, str]]:
     """Return wrong elements and the check that must catch them."""
     vary = dataclasses.replace
     mixed_up = vary(P2, name="X", make=spoiled(P2, lbasis=_mixed_up))
@@ -145,9 +159,9 @@ def elements() -> dict[str, tuple[ElementRow, str]]:
         "zero and negative masses": (vary(P2, name="X", lumpings=("row-sum",)), "mass positive"),
         "too coarse a rule for M": (vary(P2, name="X", mass_rule=simplex(2)), "mass rule"),
         "reduced integration that reduces nothing": (
-            vary(CATALOGUE["Q1-Bbar"], name="X", volume=MEAN, volume_rule=gauss(2)), "no locking"),
+            vary(CATALOGUE["Q1-Bbar"], name="X", volume=BBAR, volume_rule=gauss(2)), "no locking"),
         "pressure as fine as the displacement": (
-            vary(P1, name="X", volume=PRESSURE, pressure=P1.make, poissons_ratio_limit=0.4,
+            vary(P1, name="X", volume=MIXED, pressure=P1.make, poissons_ratio_limit=0.4,
                  stiffness_rule=simplex(2)), "pressure stability"),
         "a limit that is not kept": (vary(P1, name="X", poissons_ratio_limit=0.4999), "no locking"),
     }  # fmt: skip

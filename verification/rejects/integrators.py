@@ -13,11 +13,11 @@ from needlefem.dynamics import (
     GeneralizedAlpha,
     ImplicitStepper,
     Integrator,
-    Motion,
+    KinematicState,
     Newmark,
     System,
 )
-from needlefem.dynamics.steppers import Weights
+from needlefem.dynamics.steppers import AlphaParameters
 
 RIGHT: dict[str, Integrator] = {
     "Newmark": Newmark(),
@@ -33,7 +33,7 @@ QUICK = ("generalised-alpha", "central difference")
 class StaleAcceleration(ImplicitStepper):
     """Keeps the acceleration of the step before."""
 
-    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+    def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
         """Return the motion with its old acceleration."""
         return dataclasses.replace(super().advance(motion, u), a=motion.a)
 
@@ -48,12 +48,12 @@ class WrongPredictor(ImplicitStepper):
 class Undamped(ImplicitStepper):
     """Forgets the damping force."""
 
-    def __init__(self, system: System, step: float, weights: Weights) -> None:
+    def __init__(self, system: System, step: float, weights: AlphaParameters) -> None:
         super().__init__(system, step, weights)
         inertia = (1.0 - weights.mass) / (weights.beta * step**2)
         self.factor = system.factor(inertia, 0.0, 1.0 - weights.force)
 
-    def free_motion(self, motion: Motion, force: np.ndarray | None = None) -> np.ndarray:
+    def free_motion(self, motion: KinematicState, force: np.ndarray | None = None) -> np.ndarray:
         """Return the displacement after a step as if nothing damped."""
         damped, self.system.damped = self.system.damped, False
         found = super().free_motion(motion, force)
@@ -64,7 +64,7 @@ class Undamped(ImplicitStepper):
 class HalfVelocity(ImplicitStepper):
     """Adds the old acceleration's share to the velocity twice."""
 
-    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+    def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
         """Return the motion with a wrong velocity."""
         right = super().advance(motion, u)
         extra = self.step * (1.0 - self.weights.gamma) * motion.a
@@ -74,7 +74,9 @@ class HalfVelocity(ImplicitStepper):
 class LateForce(ImplicitStepper):
     """Takes the force of the step's start."""
 
-    def advance_under(self, motion: Motion, before: np.ndarray, after: np.ndarray) -> Motion:
+    def advance_under(
+        self, motion: KinematicState, before: np.ndarray, after: np.ndarray
+    ) -> KinematicState:
         """Return the motion under the wrong force."""
         return super().advance_under(motion, before, before)
 
@@ -82,7 +84,7 @@ class LateForce(ImplicitStepper):
 class Forgetful(ImplicitStepper):
     """Leaves the viscoelastic branches as they were."""
 
-    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+    def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
         """Return the motion with its old memory."""
         return dataclasses.replace(super().advance(motion, u), parts=motion.parts)
 
@@ -90,7 +92,7 @@ class Forgetful(ImplicitStepper):
 class BorrowedVelocity(ImplicitStepper):
     """Says the velocity in the middle of the step."""
 
-    def advance(self, motion: Motion, u: np.ndarray) -> Motion:
+    def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
         """Return the motion with a velocity that is half a step old."""
         return dataclasses.replace(super().advance(motion, u), v=(u - motion.u) / self.step)
 
@@ -100,21 +102,21 @@ class Wrong:
     """A wrong stepper with weights of the generalised-alpha family."""
 
     kind: type[ImplicitStepper]
-    weights: Weights
+    weights: AlphaParameters
 
     def stepper(self, system: System, step: float) -> ImplicitStepper:
         """Return the stepper."""
         return self.kind(system, step, self.weights)
 
 
-AVERAGE = Weights(0.0, 0.0, 0.25, 0.5)
+AVERAGE = AlphaParameters(0.0, 0.0, 0.25, 0.5)
 WRONG: dict[str, tuple[Integrator, str]] = {
-    "beta and gamma swapped": (Wrong(ImplicitStepper, Weights(0.0, 0.0, 0.5, 0.25)), "stability"),
+    "beta and gamma swapped": (Wrong(ImplicitStepper, AlphaParameters(0.0, 0.0, 0.5, 0.25)), "stability"),
     "stale acceleration": (Wrong(StaleAcceleration, AVERAGE), "order, free"),
     "predictor without acceleration": (Wrong(WrongPredictor, AVERAGE), "free fall"),
     "damping left out": (Wrong(Undamped, AVERAGE), "damping"),
     "alpha on the wrong side": (
-        Wrong(ImplicitStepper, Weights(0.0, -0.1, 0.3025, 0.6)), "order, free"),
+        Wrong(ImplicitStepper, AlphaParameters(0.0, -0.1, 0.3025, 0.6)), "order, free"),
     "old acceleration counted twice": (Wrong(HalfVelocity, AVERAGE), "free fall"),
     "memory left as it was": (Wrong(Forgetful, AVERAGE), "order, memory"),
     "velocity of the step's middle": (Wrong(BorrowedVelocity, AVERAGE), "energy"),

@@ -5,8 +5,8 @@ import numpy as np
 from needlefem.checks.convergence import no_slower, sweep
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 FORCE, LENGTH, DEPTH, MODULUS, RATIO = 1.0, 8.0, 2.0, 1000.0, 0.3
@@ -48,7 +48,7 @@ def shear(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return np.stack([0.0 * across, normals[:, 0] * across], axis=1)
 
 
-def solve(element: ElementRow, level: int) -> Solution:
+def solve(element: ElementType, level: int) -> StaticSolution:
     """Hold the root by the exact displacement and shear the end."""
     along, across = COARSEST[element.degree]
 
@@ -57,13 +57,13 @@ def solve(element: ElementRow, level: int) -> Solution:
 
     mesh = mapped_mesh(element, (level * along, level * across), place)
     material = Isotropic(youngs_modulus=MODULUS, poissons_ratio=RATIO)
-    problem = Statics(mesh, element, material, "stress")
-    problem.hold(lambda x: x[:, 0] < 1e-9, displacement)
-    problem.push(shear, lambda x: x[:, 0] > LENGTH - 1e-9)
+    problem = BoundaryValueProblem(mesh, element, material, "stress")
+    problem.fix(lambda x: x[:, 0] < 1e-9, displacement)
+    problem.apply_traction(shear, lambda x: x[:, 0] > LENGTH - 1e-9)
     return problem.solve()
 
 
-def deflection_error(solved: Solution) -> float:
+def deflection_error(solved: StaticSolution) -> float:
     """Return the relative error of the end's deflection."""
     return abs(float(solved.at(np.array([[LENGTH, 0.0]]))[0, 1]) / TIP - 1.0)
 

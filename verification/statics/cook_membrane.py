@@ -8,8 +8,8 @@ from needlefem.checks.convergence import sweep
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.reference_problem import Answer, Findings, Problem, Shape
 from needlefem.checks.work_precision import elements_race
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 CORNER, MIDDLE = np.array([[48.0, 60.0]]), np.array([[48.0, 52.0]])
@@ -59,18 +59,20 @@ def place(square: np.ndarray) -> np.ndarray:
     return np.stack([48.0 * across, 44.0 * across + up * (44.0 - 28.0 * across)], axis=1)
 
 
-def solve(element: ElementRow, divisions: int, case: Case) -> Solution:
+def solve(element: ElementType, divisions: int, case: Case) -> StaticSolution:
     """Clamp the left side and shear the right one."""
     material = Isotropic(youngs_modulus=case.modulus, poissons_ratio=case.ratio)
     mesh = mapped_mesh(element, (divisions, divisions), place)
-    problem = Statics(mesh, element, material, case.plane)
-    problem.hold(lambda x: x[:, 0] < 1e-9)
+    problem = BoundaryValueProblem(mesh, element, material, case.plane)
+    problem.fix(lambda x: x[:, 0] < 1e-9)
     shear = np.array([0.0, case.force / 16.0])
-    problem.push(lambda x, _: np.broadcast_to(shear, x.shape), lambda x: x[:, 0] > 48.0 - 1e-9)
+    problem.apply_traction(
+        lambda x, _: np.broadcast_to(shear, x.shape), lambda x: x[:, 0] > 48.0 - 1e-9
+    )
     return problem.solve()
 
 
-def corner(solved: Solution) -> float:
+def corner(solved: StaticSolution) -> float:
     """Return the upward displacement of the loaded corner."""
     return float(solved.at(CORNER)[0, 1])
 

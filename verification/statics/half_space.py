@@ -5,8 +5,8 @@ import numpy as np
 from needlefem.checks.convergence import sweep
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 RATIO, PRESSURE, HALF = 0.3, 1.0, 1.0
@@ -34,7 +34,7 @@ def displacement(points: np.ndarray) -> np.ndarray:
     return np.stack([moved.real, moved.imag], axis=1) / (2.0 * SHEAR)
 
 
-def solve(element: ElementRow, level: int) -> Solution:
+def solve(element: ElementType, level: int) -> StaticSolution:
     """Hold three sides by the exact displacement: walls would err by a logarithm."""
     across = level * COARSEST[element.degree]
 
@@ -42,12 +42,12 @@ def solve(element: ElementRow, level: int) -> Solution:
         return REACH * (square * np.array([2.0, 1.0]) - np.array([1.0, 0.0]))
 
     mesh = mapped_mesh(element, (across, across // 2), place)
-    problem = Statics(mesh, element, Isotropic(youngs_modulus=1.0, poissons_ratio=RATIO))
-    problem.hold(
-        lambda x: (np.abs(x[:, 0]) > REACH - 1e-9) | (x[:, 1] > REACH - 1e-9), displacement
+    problem = BoundaryValueProblem(
+        mesh, element, Isotropic(youngs_modulus=1.0, poissons_ratio=RATIO)
     )
+    problem.fix(lambda x: (np.abs(x[:, 0]) > REACH - 1e-9) | (x[:, 1] > REACH - 1e-9), displacement)
     strip = np.array([0.0, PRESSURE])
-    problem.push(
+    problem.apply_traction(
         lambda x, _: np.broadcast_to(strip, x.shape),
         lambda x: (x[:, 1] < 1e-9) & (np.abs(x[:, 0]) < HALF),
     )
@@ -78,7 +78,7 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers, curves=curves, shapes=shapes)
 
 
-def stresses(name: str, solved: Solution, bound: float) -> list[Answer]:
+def stresses(name: str, solved: StaticSolution, bound: float) -> list[Answer]:
     """Return the stresses under the middle of the strip, in units of the pressure."""
     answers = []
     for depth, (along, across) in STRESSES.items():

@@ -5,7 +5,7 @@ import numpy as np
 from needlefem.checks.models import for_bent_cells, mapped_mesh
 from needlefem.checks.reference_problem import Answer, Findings, Problem, Shape
 from needlefem.elements import CATALOGUE
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 STRIP = {0.1: 3.0361, 0.2: 3.1526, 0.25: 3.2480, 0.3: 3.3744, 0.4: 3.7472, 0.5: 4.3477, 0.6: 5.319}
@@ -18,7 +18,7 @@ GRADING = 8.0
 """Size of the outermost cells over that of those at the hole."""
 
 
-def solve(name: str, share: float, length: float, cells: int) -> Solution:
+def solve(name: str, share: float, length: float, cells: int) -> StaticSolution:
     """Pull a quarter of a plate of `length` widths with a hole of radius 1."""
     half = 1.0 / share
     corner = np.array([length * half, half])
@@ -32,9 +32,9 @@ def solve(name: str, share: float, length: float, cells: int) -> Solution:
     element = CATALOGUE[name]
     mesh = mapped_mesh(element, (cells, 2 * cells), place, bent=True)
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
-    problem = Statics(mesh, for_bent_cells(element), material, "stress")
-    problem.hold(lambda x: x[:, 1] < 1e-9, axes=[1]).hold(lambda x: x[:, 0] < 1e-9, axes=[0])
-    return problem.push(lambda _, n: n, lambda x: x[:, 0] > corner[0] - 1e-9).solve()
+    problem = BoundaryValueProblem(mesh, for_bent_cells(element), material, "stress")
+    problem.fix(lambda x: x[:, 1] < 1e-9, axes=[1]).fix(lambda x: x[:, 0] < 1e-9, axes=[0])
+    return problem.apply_traction(lambda _, n: n, lambda x: x[:, 0] > corner[0] - 1e-9).solve()
 
 
 def run(quick: bool) -> Findings:

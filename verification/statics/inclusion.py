@@ -8,8 +8,8 @@ from needlefem.checks.convergence import no_slower, sweep
 from needlefem.checks.models import joined, mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
 from needlefem.checks.work_precision import elements_race
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 HALF_WIDTH = 4.0
@@ -83,7 +83,7 @@ class Field:
         return np.stack([moved.real, moved.imag], axis=1)
 
 
-def disc_mesh(element: ElementRow, cells: int) -> object:
+def disc_mesh(element: ElementType, cells: int) -> object:
     """Return a quarter of the box: a square in the disc, a ring around it, the rest."""
     core = 0.5
 
@@ -114,19 +114,21 @@ def disc_mesh(element: ElementRow, cells: int) -> object:
     )
 
 
-def solve(element: ElementRow, level: int, case: Case) -> Solution:
+def solve(element: ElementType, level: int, case: Case) -> StaticSolution:
     """Hold the outer sides by the exact displacement; the inner ones are planes of symmetry."""
     laws = {
         "plate": Isotropic(youngs_modulus=case.plate, poissons_ratio=case.ratio),
         "disc": Isotropic(youngs_modulus=case.disc, poissons_ratio=case.ratio),
     }
-    problem = Statics(disc_mesh(element, level * COARSEST[element.degree]), element, laws)
-    problem.hold(lambda x: x[:, 0] < 1e-9, axes=[0]).hold(lambda x: x[:, 1] < 1e-9, axes=[1])
-    problem.hold(lambda x: np.max(x, axis=1) > HALF_WIDTH - 1e-9, Field(case).displacement)
+    problem = BoundaryValueProblem(
+        disc_mesh(element, level * COARSEST[element.degree]), element, laws
+    )
+    problem.fix(lambda x: x[:, 0] < 1e-9, axes=[0]).fix(lambda x: x[:, 1] < 1e-9, axes=[1])
+    problem.fix(lambda x: np.max(x, axis=1) > HALF_WIDTH - 1e-9, Field(case).displacement)
     return problem.solve()
 
 
-def disc_stress(solved: Solution) -> np.ndarray:
+def disc_stress(solved: StaticSolution) -> np.ndarray:
     """Return the mean Voigt stress in the disc."""
     rule, space = solved.space.element.stiffness_rule(), solved.space
     disc = space.mesh.subdomains["disc"]
@@ -134,7 +136,7 @@ def disc_stress(solved: Solution) -> np.ndarray:
     return np.einsum("cq,cqi->i", weight, solved.stress(rule[0].T)[disc]) / weight.sum()
 
 
-def errors(solved: Solution, case: Case) -> float:
+def errors(solved: StaticSolution, case: Case) -> float:
     """Return the relative error of the disc's mean stress along the pull."""
     return abs(float(disc_stress(solved)[0]) / case.along - 1.0)
 

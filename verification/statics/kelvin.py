@@ -6,8 +6,8 @@ from needlefem.checks.convergence import sweep
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
 from needlefem.checks.work_precision import elements_race
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 RATIO, SIZE = 0.49, 0.1
@@ -43,7 +43,7 @@ def blob(points: np.ndarray) -> np.ndarray:
     return np.stack([density, 0.0 * density], axis=1)
 
 
-def solve(element: ElementRow, fineness: int, place: tuple[float, float]) -> Solution:
+def solve(element: ElementType, fineness: int, place: tuple[float, float]) -> StaticSolution:
     """Solve a square whose sides have the exact displacement; `fineness` elements a radius."""
     count = round(2.0 * HALF_WIDTH / SIZE * fineness)
     offset = np.array(place) * 2.0 * HALF_WIDTH / count
@@ -52,11 +52,13 @@ def solve(element: ElementRow, fineness: int, place: tuple[float, float]) -> Sol
         return 2.0 * HALF_WIDTH * points - HALF_WIDTH - offset
 
     mesh = mapped_mesh(element, (count, count), square)
-    problem = Statics(mesh, element, Isotropic(youngs_modulus=1.0, poissons_ratio=RATIO))
-    return problem.hold(None, displacement).body(blob).solve()
+    problem = BoundaryValueProblem(
+        mesh, element, Isotropic(youngs_modulus=1.0, poissons_ratio=RATIO)
+    )
+    return problem.fix(None, displacement).apply_body_force(blob).solve()
 
 
-def under_the_force(solved: Solution) -> float:
+def under_the_force(solved: StaticSolution) -> float:
     """Return the error of the displacement under the force, relative to its drop over 1."""
     origin = np.zeros((1, 2))
     return float((solved.at(origin) - displacement(origin))[0, 0] / DROP)
@@ -98,7 +100,7 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers, curves=curves, shapes=shapes)
 
 
-def worst_place(element: ElementRow, level: int) -> float:
+def worst_place(element: ElementType, level: int) -> float:
     """Return the largest error of all places in an element."""
     return max(abs(under_the_force(solve(element, level, place))) for place in PLACES.values())
 

@@ -5,8 +5,8 @@ import numpy as np
 from needlefem.checks.convergence import no_slower, sweep
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 RATIO = 0.3
@@ -54,13 +54,15 @@ def place(square: np.ndarray) -> np.ndarray:
     return hole + share * (edge - hole)
 
 
-def solve(element: ElementRow, level: int) -> Solution:
+def solve(element: ElementType, level: int) -> StaticSolution:
     """Pull the quarter by the exact tractions on its polygon."""
     radial, around = COARSEST[element.degree]
     mesh = mapped_mesh(element, (level * radial, level * around), place)
-    problem = Statics(mesh, element, Isotropic(youngs_modulus=1.0, poissons_ratio=RATIO), "stress")
-    problem.hold(lambda x: x[:, 1] < 1e-9, axes=[1]).hold(lambda x: x[:, 0] < 1e-9, axes=[0])
-    return problem.push(traction, lambda x: np.min(x, axis=1) > 1e-9).solve()
+    problem = BoundaryValueProblem(
+        mesh, element, Isotropic(youngs_modulus=1.0, poissons_ratio=RATIO), "stress"
+    )
+    problem.fix(lambda x: x[:, 1] < 1e-9, axes=[1]).fix(lambda x: x[:, 0] < 1e-9, axes=[0])
+    return problem.apply_traction(traction, lambda x: np.min(x, axis=1) > 1e-9).solve()
 
 
 def run(quick: bool) -> Findings:
@@ -89,7 +91,7 @@ def run(quick: bool) -> Findings:
     return Findings(answers=answers, curves=curves, shapes=shapes)
 
 
-def stresses(name: str, solved: Solution) -> list[Answer]:
+def stresses(name: str, solved: StaticSolution) -> list[Answer]:
     """Return the largest tension and compression at the hole."""
     top = solved.vertex_stress(np.array([0.0, 1.0]))[0]
     side = solved.vertex_stress(np.array([1.0, 0.0]))[1]

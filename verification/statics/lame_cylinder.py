@@ -6,9 +6,9 @@ from needlefem.checks.convergence import order_answer, sweep
 from needlefem.checks.models import for_bent_cells, mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
 from needlefem.checks.work_precision import elements_race
-from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.elements import CATALOGUE, ElementType
 from needlefem.errors import CaseError
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 INNER, OUTER, PRESSURE = 1.0, 2.0, 1.0
@@ -60,7 +60,7 @@ def place(square: np.ndarray) -> np.ndarray:
     return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def solve(element: ElementRow, level: int, ratio: float) -> Solution:
+def solve(element: ElementType, level: int, ratio: float) -> StaticSolution:
     """Solve the quarter: symmetry on its straight sides, exact tractions on both arcs."""
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
     exact = Cylinder(ratio)
@@ -68,20 +68,22 @@ def solve(element: ElementRow, level: int, ratio: float) -> Solution:
     bent = element.degree > 1
     mesh = mapped_mesh(element, (level * across, level * along), place, bent=bent)
     element = for_bent_cells(element) if bent else element
-    problem = Statics(mesh, element, material)
-    problem.hold(lambda x: x[:, 1] < 1e-9, axes=[1]).hold(lambda x: x[:, 0] < 1e-9, axes=[0])
-    problem.push(exact.traction, lambda x: np.min(x, axis=1) > 1e-9)
+    problem = BoundaryValueProblem(mesh, element, material)
+    problem.fix(lambda x: x[:, 1] < 1e-9, axes=[1]).fix(lambda x: x[:, 0] < 1e-9, axes=[0])
+    problem.apply_traction(exact.traction, lambda x: np.min(x, axis=1) > 1e-9)
     return problem.solve()
 
 
-def mean_stress_error(solved: Solution) -> float:
+def mean_stress_error(solved: StaticSolution) -> float:
     """Return the largest relative error of the in-plane mean stress in the cells' middles."""
     middle = solved.space.element.nodes[: solved.space.mesh.t.shape[0]].mean(axis=0)
     stress = solved.stress(middle[None])[:, 0]
     return float(np.max(np.abs(0.5 * (stress[:, 0] + stress[:, 1]) / MEAN - 1.0)))
 
 
-def curve(name: str, ratio: float, levels: tuple[int, ...]) -> tuple[dict[str, Curve], Solution]:
+def curve(
+    name: str, ratio: float, levels: tuple[int, ...]
+) -> tuple[dict[str, Curve], StaticSolution]:
     """Return the errors of an element at a Poisson's ratio."""
     element, exact = CATALOGUE[name], Cylinder(ratio)
     return sweep(
@@ -104,7 +106,7 @@ LIMITS = {
 """Largest error in L2 by element, Poisson's ratio and level of the mesh."""
 
 
-def arcs(label: str, solved: Solution, ratio: float) -> list[Answer]:
+def arcs(label: str, solved: StaticSolution, ratio: float) -> list[Answer]:
     """Return the displacement of both arcs."""
     moved = solved.at_vertices()
     bound = 10.0 ** (-1 - solved.space.element.degree)
@@ -123,7 +125,7 @@ BESIDE = {
 lock."""
 
 
-def of_element(name: str, quick: bool) -> tuple[list[Answer], list[Curve], Solution]:
+def of_element(name: str, quick: bool) -> tuple[list[Answer], list[Curve], StaticSolution]:
     """Return what is asked of one element."""
     element = CATALOGUE[name]
     answers: list[Answer] = []
@@ -152,7 +154,7 @@ def of_element(name: str, quick: bool) -> tuple[list[Answer], list[Curve], Solut
     return answers, curves, finest
 
 
-def refusal(name: str, solved: Solution) -> list[Answer]:
+def refusal(name: str, solved: StaticSolution) -> list[Answer]:
     """Return the answer that an untrustworthy stress is refused, not given."""
     try:
         solved.stress(np.array([[0.3, 0.3]]))

@@ -5,8 +5,8 @@ import numpy as np
 from needlefem.checks.convergence import sweep
 from needlefem.checks.models import for_bent_cells, mapped_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 INNER, OUTER = np.array([2.0, 1.0]), np.array([3.25, 2.75])
@@ -39,24 +39,24 @@ def pull(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return PRESSURE * away / np.linalg.norm(away, axis=1)[:, None] + 0.0 * normals
 
 
-def solve(element: ElementRow, level: int) -> Solution:
+def solve(element: ElementType, level: int) -> StaticSolution:
     """Pull the outer ellipse; the straight sides are planes of symmetry."""
     across, along = COARSEST[element.degree]
     bent = element.degree > 1
     mesh = mapped_mesh(element, (level * across, level * along), place, bent=bent)
     element = for_bent_cells(element) if bent else element
     material = Isotropic(youngs_modulus=MODULUS, poissons_ratio=RATIO)
-    problem = Statics(mesh, element, material, "stress")
-    problem.hold(lambda x: x[:, 1] < 1e-9, axes=[1]).hold(lambda x: x[:, 0] < 1e-9, axes=[0])
+    problem = BoundaryValueProblem(mesh, element, material, "stress")
+    problem.fix(lambda x: x[:, 1] < 1e-9, axes=[1]).fix(lambda x: x[:, 0] < 1e-9, axes=[0])
     outside = 0.9
-    problem.push(
+    problem.apply_traction(
         pull,
         lambda x: (np.sum((x / OUTER) ** 2, axis=1) > outside) & (np.min(x, axis=1) > 1e-9),
     )
     return problem.solve()
 
 
-def hoop(solved: Solution) -> float:
+def hoop(solved: StaticSolution) -> float:
     """Return the direct stress at D, the mean of the cells that meet there."""
     return float(solved.vertex_stress(POINT_D)[1])
 

@@ -4,9 +4,9 @@ from needlefem.checks.convergence import order_answer, sweep
 from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
 from needlefem.checks.models import distorted_mesh
 from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
-from needlefem.elements import CATALOGUE, ElementRow
-from needlefem.fem.boundary_value_problem import Solution, Statics
-from needlefem.materials import Isotropic, plane_split
+from needlefem.elements import CATALOGUE, ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.materials import Isotropic, plane_volumetric_split
 
 FINEST = {1: 32, 2: 16}
 """Divisions of the finest mesh by degree: as many unknowns for both."""
@@ -14,12 +14,14 @@ CEILING = {(1, "L2"): 4e-3, (1, "H1"): 6.5e-2, (2, "L2"): 2.2e-4, (2, "H1"): 6e-
 """Largest relative error on the finest mesh."""
 
 
-def solve(element: ElementRow, divisions: int, ratio: float, field: Manufactured) -> Solution:
+def solve(
+    element: ElementType, divisions: int, ratio: float, field: Manufactured
+) -> StaticSolution:
     """Return the solution on a distorted square, held on its whole boundary."""
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
-    problem = Statics(distorted_mesh(element, divisions, 0.2), element, material)
-    problem.hold(None, field.displacement)
-    problem.body(field.body_force(plane_split(material, "strain").stiffness))
+    problem = BoundaryValueProblem(distorted_mesh(element, divisions, 0.2), element, material)
+    problem.fix(None, field.displacement)
+    problem.apply_body_force(field.body_force(plane_volumetric_split(material, "strain").stiffness))
     return problem.solve()
 
 

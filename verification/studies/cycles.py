@@ -13,7 +13,7 @@ from needlefem._arrays import Vector
 from needlefem._table import Table
 from needlefem.errors import SimulationError
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import Way
+from needlefem.insertion.state import TipPhase
 from needlefem.scene import Scene, Stage, vary
 
 CYCLES = 10_000
@@ -53,7 +53,7 @@ def cycled(scene: Scene, cycles: int) -> Table:
                 rows.append([number, state.force, *advance(state.tip, tip), most_memory()])
             tip = state.tip
         rested = resting
-        if state.way is Way.OUT and course.stepping is not None:
+        if state.tip_phase is TipPhase.OUTSIDE and course.stepping is not None:
             account = course.stepping.account
             left = max(left, abs(account.strain) / account.turnover if account.turnover else 0.0)
     if number < cycles:

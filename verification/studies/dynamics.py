@@ -14,7 +14,7 @@ from needlefem._table import Table
 from needlefem.insertion.energy_balance import ledger
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
 
 SPEEDS = (0.05, 0.02, 0.01, 0.005, 0.001)
@@ -61,7 +61,7 @@ def over_speed(scene: Scene, integrator: str) -> Table:
     """Return the difference of the material points at the tip, over the speed."""
     fine = vary(scene, {"discretisation.path_spacing": 0.25 * scene.discretisation.path_spacing})
     depth = 0.6 * scene.motion.max_depth
-    path = Path(inserted(fine, depth + 3e-3))
+    path = TipTrajectory(inserted(fine, depth + 3e-3))
     rows: list[list[Any]] = []
     for speed in SPEEDS:
         found = inserted(moving(fine, integrator, speed, DAMPING), depth)
@@ -101,7 +101,7 @@ def landings(scene: Scene) -> Table:
     for kind, (integrator, damping) in kinds.items():
         found = inserted(moving(hard, integrator, 0.1 * SLOW, damping), scene.motion.max_depth)
         energies, (jump, at) = ledger(found), leap(found)
-        place = float(found.axis.along(found.states[-1].tip))
+        place = float(found.axis.axial_coordinate(found.states[-1].tip))
         rows.append([kind, str(found.outcome.status), 100.0 * at, 100.0 * jump, 100.0 * place,
                      energies.residual, energies.given])  # fmt: skip
     return Table(
@@ -114,7 +114,7 @@ def landings(scene: Scene) -> Table:
 
 def leap(found: Insertion) -> tuple[float, float]:
     """Return the longest advance of the tip within three steps, and the depth of it, m."""
-    along = np.array([float(found.axis.along(state.tip)) for state in found.states])
+    along = np.array([float(found.axis.axial_coordinate(state.tip)) for state in found.states])
     later = np.searchsorted(found.depths, found.depths + 3.0 * TRAVEL, side="right") - 1
     ahead = along[later] - along
     return float(ahead.max()), float(found.depths[int(np.argmax(ahead))])

@@ -17,7 +17,7 @@ from needlefem.checks.accuracy import (
 from needlefem.checks.manufactured import ISOCHORIC
 from needlefem.checks.mesh_checks import patch_error
 from needlefem.checks.models import mapped_mesh
-from needlefem.elements import CATALOGUE, ElementRow
+from needlefem.elements import CATALOGUE, ElementType
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
@@ -73,18 +73,18 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     ]  # fmt: skip
 
 
-def _locking(element: ElementRow, ratio: float) -> float:
+def _locking(element: ElementType, ratio: float) -> float:
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
     return over_interpolant(solve_manufactured(element, material, ISOCHORIC, 16), ISOCHORIC)
 
 
-def _contrast(element: ElementRow, contrast: float) -> float:
+def _contrast(element: ElementType, contrast: float) -> float:
     """Return the relative error of a pressed bar, one half of which is stiffer."""
     moved, exact = two_material_bar(element, contrast)
     return abs(moved / exact - 1.0)
 
 
-def _sliver_mesh(element: ElementRow, aspect: float) -> SkfemMesh:
+def _sliver_mesh(element: ElementType, aspect: float) -> SkfemMesh:
     def flat(points: Floats) -> Floats:
         flattened: Floats = points * np.array([1.0, 1.0 / aspect])
         return flattened
@@ -92,7 +92,7 @@ def _sliver_mesh(element: ElementRow, aspect: float) -> SkfemMesh:
     return mapped_mesh(element, (6, 6), flat)
 
 
-def _aspect(element: ElementRow, aspect: float) -> float:
+def _aspect(element: ElementType, aspect: float) -> float:
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
     return patch_error(_sliver_mesh(element, aspect), element, material)
 

@@ -12,7 +12,7 @@ import numpy as np
 from needlefem._table import Table
 from needlefem.errors import NeedlefemError
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import Path
+from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.planning.plan import plan
 from needlefem.scene import Scene, field_of, one_contour_size, vary
 from needlefem.scene.resolve import resolve
@@ -115,7 +115,7 @@ def time_steps(scene: Scene) -> Table:
     depth = 0.4 * scene.motion.max_depth
     simulation = Simulation(scene)
     entry = simulation.entry_of_case()
-    path = Path(simulation.insert(entry, lambda state: state.depth > depth + 3e-3))
+    path = TipTrajectory(simulation.insert(entry, lambda state: state.depth > depth + 3e-3))
     rows: list[list[Any]] = []
     for step in (1e-3, 1e-2, 1.0 / 30.0, 1e-1, 1.0):
         changes = {"discretisation.integrator": "newmark", "discretisation.time_step": step}

@@ -7,7 +7,7 @@ import numpy as np
 from needlefem._arrays import Ints
 from needlefem._table import Table
 from needlefem.errors import SimulationError
-from needlefem.insertion.insertion_run import Course
+from needlefem.insertion.insertion_run import InsertionRun
 from needlefem.insertion.simulation import Simulation
 from needlefem.scene import DYNAMIC, Scene, Stage, vary
 from verification.studies.cycles import advance, most_memory
@@ -65,7 +65,7 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
     )  # fmt: skip
 
 
-def _rests(course: Course, deep: float) -> Iterator[list[float]]:
+def _rests(course: InsertionRun, deep: float) -> Iterator[list[float]]:
     """Yield a row for the end of every rest at a depth."""
     number, stuck, old, tip = 0, 0, None, np.zeros(course.model.dim)
     for count, state in enumerate(course.iterate()):

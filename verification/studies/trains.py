@@ -48,7 +48,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def _row(found: Insertion, seed: Seed, place: Vector) -> list[object]:
-    along = found.axis.along
+    along = found.axis.axial_coordinate
     apart, left = _apart(seed.shortcut, seed), _apart(place, seed)
     depths = (float(along(seed.released_at)), float(along(seed.shortcut)), float(along(place)))
     return [seed.name, *(100.0 * depth for depth in depths), 100.0 * apart, 100.0 * left]

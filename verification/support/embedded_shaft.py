@@ -3,13 +3,13 @@
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import Contact
-from needlefem.contact.friction import Friction, Rub
-from needlefem.contact.straight_contact import straight_path
-from needlefem.fem.compliance import SharedResponses
-from needlefem.fem.tissue_model import Model
-from needlefem.needle.insertion_axis import Axis
-from needlefem.needle.needle_interface import Instrument
+from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
+from needlefem.contact.straight_contact import straight_contact
+from needlefem.fem.compliance import CachedCompliance
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.needle.tip_kernel import PointKernel, cross_section
 
 LATERAL_STIFFNESS = 1e9
@@ -21,14 +21,14 @@ class LyingNeedle:
 
     Parameters
     ----------
-    model : Model
+    model : TissueModel
     ends : two arrays, shape (dim,), m
         Where it begins and ends.
     pieces : int
         Equal ones, in which friction sticks or slips.
     limit : float, N/m (Pa in 2D)
         Kinetic friction per length.
-    friction : Friction, optional
+    friction : SlipWeakeningFriction, optional
         How it weakens and gives.
     thickness : float, m
         Radius over which its forces are spread across the axis.
@@ -48,17 +48,17 @@ class LyingNeedle:
 
     def __init__(
         self,
-        model: Model,
+        model: TissueModel,
         ends: tuple[Vector, Vector],
         pieces: int,
         limit: float,
         *,
-        friction: Friction | None = None,
+        friction: SlipWeakeningFriction | None = None,
         thickness: float = 0.0,
     ) -> None:
         length = float(np.linalg.norm(ends[1] - ends[0]))
         self._contact = _path(model, ends, pieces, thickness)
-        self.friction = friction or Friction()
+        self.friction = friction or SlipWeakeningFriction()
         self.lengths: Floats = np.full(pieces, length / pieces)
         self.kinetic: Floats = limit * self.lengths
         self.pull: Floats = np.zeros(pieces)
@@ -69,7 +69,7 @@ class LyingNeedle:
 
     def move(self, travel: float) -> float:
         """Move the needle to a place (m, from where it was put) and return its force, N (N/m)."""
-        rub = Rub(
+        rub = FrictionStep(
             friction=self.friction,
             kinetic=self.kinetic,
             slipped=self._slipped,
@@ -91,12 +91,14 @@ class LyingNeedle:
         return 0.5 * float(self.pull @ self.moved)
 
 
-def _path(model: Model, ends: tuple[Vector, Vector], pieces: int, thickness: float) -> Contact:
+def _path(
+    model: TissueModel, ends: tuple[Vector, Vector], pieces: int, thickness: float
+) -> CondensedContact:
     """Return a contact with a path of equal pieces, held on the axis."""
     start, end = ends
     direction = (end - start) / np.linalg.norm(end - start)
-    instrument = Instrument(
-        axis=Axis(start, direction),
+    instrument = NeedleInterface(
+        axis=InsertionAxis(start, direction),
         kernel=PointKernel(model.dim),
         interpolation=model.interpolation,
         cutting_force=np.zeros(model.nnodes),
@@ -106,4 +108,4 @@ def _path(model: Model, ends: tuple[Vector, Vector], pieces: int, thickness: flo
         spacing=float(np.linalg.norm(end - start)) / pieces,
         inward=direction,
     )
-    return straight_path(instrument, SharedResponses(model), pieces)
+    return straight_contact(instrument, CachedCompliance(model), pieces)

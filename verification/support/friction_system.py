@@ -7,13 +7,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from needlefem._arrays import Floats
-from needlefem.contact.friction import Friction, Rub
-from needlefem.dynamics import MatrixSystem, Motion, kinetic_energy
-from needlefem.dynamics.steppers import ImplicitStepper, Weights
+from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
+from needlefem.dynamics import KinematicState, MatrixSystem, kinetic_energy
+from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper
 
-MEAN = Weights(0.5, 0.5, 0.25, 0.5)
+MEAN = AlphaParameters(0.5, 0.5, 0.25, 0.5)
 """Average acceleration; friction is its mean over a step."""
-END = Weights(0.0, 0.0, 0.25, 0.5)
+END = AlphaParameters(0.0, 0.0, 0.25, 0.5)
 """Average acceleration; friction is that at a step's end."""
 FINE = 1e-13
 """Part of a step to which an event is located."""
@@ -26,7 +26,7 @@ class Rest:
     Parameters
     ----------
     time : float, s
-    motion : Motion
+    motion : KinematicState
     pull : array, shape (k,), N
         Friction of the last step.
     slid : array, shape (k,)
@@ -42,7 +42,7 @@ class Rest:
     """
 
     time: float
-    motion: Motion
+    motion: KinematicState
     pull: Floats
     slid: Floats
     slipped: Floats
@@ -61,13 +61,13 @@ class Rubbing:
         Points that are rubbed on, B.
     kinetic : float, N
         Friction limit of each when slipping.
-    friction : Friction
+    friction : SlipWeakeningFriction
         How it weakens.
     speed : float, m/s
         Of what rubs on them.
     load : callable, optional
         Takes a time, s; returns the force on the system, shape (n,), N.
-    weights : Weights, optional
+    weights : AlphaParameters, optional
         `MEAN` or `END`.
     """
 
@@ -76,11 +76,11 @@ class Rubbing:
         system: MatrixSystem,
         rows: Floats,
         kinetic: float,
-        friction: Friction,
+        friction: SlipWeakeningFriction,
         *,
         speed: float,
         load: Callable[[float], Floats] | None = None,
-        weights: Weights = MEAN,
+        weights: AlphaParameters = MEAN,
     ) -> None:
         self.system, self.rows, self.friction = system, rows, friction
         self.kinetic: Floats = np.full(len(rows), kinetic)
@@ -95,7 +95,7 @@ class Rubbing:
     def start(self, u: Floats, v: Floats) -> Rest:
         """Return a start from displacement and velocity; what moves with its partner sticks."""
         away = self.speed - self.rows @ v
-        slid, motion = np.sign(away), Motion(u, v, np.zeros_like(u))
+        slid, motion = np.sign(away), KinematicState(u, v, np.zeros_like(u))
         pull, slipped = slid * self.kinetic, np.where(slid == 0.0, 0.0, np.inf)
         force = self.load(0.0) + self.rows.T @ pull
         a = self.system.factor(1.0, 0.0, 0.0).solve(force - self.system.products(None, v, u))
@@ -117,7 +117,7 @@ class Rubbing:
         free = stepper.free_motion(old.motion, force)
         before, way = self.rows @ old.motion.u, self.speed * duration
         late = 0.5 * (way - duration * (self.rows @ old.motion.v))
-        rub = Rub(
+        rub = FrictionStep(
             friction=self.friction,
             kinetic=self.kinetic,
             slipped=old.slipped,
@@ -200,7 +200,7 @@ class Rubbing:
             return None
         return float(brentq(ahead, tiny, duration, xtol=FINE * duration))
 
-    def _sliding(self, state: Rest, duration: float) -> Motion:
+    def _sliding(self, state: Rest, duration: float) -> KinematicState:
         """Return the motion if the points slide on."""
         stepper, columns = self._ready(duration, keep=False)
         free = stepper.free_motion(state.motion, self._force(state, duration))
@@ -229,5 +229,5 @@ class Rubbing:
         force = self.load(state.time) + self.rows.T @ pull
         rest = force - self.system.products(None, motion.v, motion.u)
         a = self.system.factor(1.0, 0.0, 0.0).solve(rest)
-        fresh = Motion(motion.u, motion.v, a, motion.parts)
+        fresh = KinematicState(motion.u, motion.v, a, motion.parts)
         return dataclasses.replace(state, motion=fresh, pull=pull, slid=slid, slipped=slipped)
