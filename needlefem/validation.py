@@ -188,7 +188,7 @@ def dotted(prefix: str, key: str) -> str:
 
 
 def _declarations(cls: type) -> tuple[tuple[str, Any, ParameterInfo | None], ...]:
-    """Return name, annotation and `ParameterInfo` of every field of a dataclass, found once a class."""
+    """Return name, annotation and `ParameterInfo` of a dataclass's fields, found once a class."""
     found = _KNOWN.get(cls)
     if found is None:
         try:

@@ -10,7 +10,7 @@ import numpy as np
 
 import needlefem as nf
 from needlefem.materials import TransverselyIsotropic
-from needlefem.plotting.render import Shot
+from needlefem.plotting.render import RenderOptions
 from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Support, vary
 
 muscle = TransverselyIsotropic(
@@ -45,4 +45,6 @@ for degrees in (0, 30, 60, 90):
 # %%
 # Fibres across the needle (0 degrees), and at 60 degrees to it.
 
-nf.render(insertions[0], "out/fibres.png", beside=insertions[60], shot=Shot(field="displacement"))
+nf.render(
+    insertions[0], "out/fibres.png", beside=insertions[60], shot=RenderOptions(field="displacement")
+)

@@ -21,7 +21,7 @@ FREELY, MOST_ROUNDS = 10, 60
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Limits:
+class ForceLimits:
     """Limits of the forces.
 
     Parameters
@@ -38,7 +38,7 @@ class Limits:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Settled:
+class ActiveSetSolution:
     """Forces, displacements, and which rows are held; arrays of shape (n,)."""
 
     forces: Floats
@@ -46,9 +46,9 @@ class Settled:
     held: Bools
 
 
-def settle(
-    compliance: Floats, free: Floats, target: Floats, limits: Limits, before: Settled
-) -> Settled:
+def solve_active_set(
+    compliance: Floats, free: Floats, target: Floats, limits: ForceLimits, before: ActiveSetSolution
+) -> ActiveSetSolution:
     """Find forces for which whatever is within its limits is at its target.
 
     An active-set iteration on the rows, starting from what was held before.
@@ -60,8 +60,8 @@ def settle(
     free : array, shape (n,), m
         Displacements without the forces.
     target : array, shape (n,), m
-    limits : Limits
-    before : Settled
+    limits : ForceLimits
+    before : ActiveSetSolution
         Which rows are tried to be held first; signs of forces say at which limit the others are.
 
     Raises
@@ -91,13 +91,13 @@ def settle(
         if number >= FREELY:
             back[:] = False
         if not (over.any() or under.any() or back.any()):
-            return Settled(forces, moved, held)
+            return ActiveSetSolution(forces, moved, held)
         forces[over], forces[under] = limits.high[over], limits.low[under]
         held = (held & ~over & ~under) | back
     raise SimulationError("what sticks to the needle and what slides was not found")
 
 
-def _against(forces: Floats, beyond: Floats, limits: Limits, free: Floats) -> Bools:
+def _against(forces: Floats, beyond: Floats, limits: ForceLimits, free: Floats) -> Bools:
     """Return which rows at a limit would move against their force."""
     margin = TIE * float(np.abs(free).max(initial=0.0) + np.abs(beyond).max(initial=0.0))
     return np.where(forces >= limits.high, beyond > margin, beyond < -margin)

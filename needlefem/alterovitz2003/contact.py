@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Vector
-from needlefem.alterovitz2003.active_set import Limits, Settled, settle
-from needlefem.alterovitz2003.functionals import Touch
+from needlefem.alterovitz2003.active_set import ActiveSetSolution, ForceLimits, solve_active_set
+from needlefem.alterovitz2003.functionals import NeedleFunctionals
 from needlefem.alterovitz2003.moving_tissue import MovingTissue, Response
 from needlefem.alterovitz2003.node_chain import NodeChain
 from needlefem.insertion.state import State, TipPhase
@@ -16,7 +16,7 @@ from needlefem.insertion.state import State, TipPhase
 class Memory:
     """What a step starts from: forces with what is held, and axial displacements of the shaft."""
 
-    settled: Settled
+    settled: ActiveSetSolution
     before: Floats
 
 
@@ -30,7 +30,7 @@ class NodeContact:
     ----------
     tissue : MovingTissue
     chain : NodeChain
-    touch : Touch
+    touch : NeedleFunctionals
     grip : float
         Static over kinetic friction.
 
@@ -39,10 +39,14 @@ class NodeContact:
     evaluations : int
     """
 
-    def __init__(self, tissue: MovingTissue, chain: NodeChain, touch: Touch, grip: float) -> None:
+    def __init__(
+        self, tissue: MovingTissue, chain: NodeChain, touch: NeedleFunctionals, grip: float
+    ) -> None:
         self._tissue, self._chain, self._touch, self._grip = tissue, chain, touch, grip
         self.evaluations = 0
-        self.memory = Memory(Settled(np.zeros(2), np.zeros(2), np.ones(2, dtype=bool)), np.zeros(0))
+        self.memory = Memory(
+            ActiveSetSolution(np.zeros(2), np.zeros(2), np.ones(2, dtype=bool)), np.zeros(0)
+        )
         self.look()
 
     def look(self) -> None:
@@ -58,7 +62,7 @@ class NodeContact:
         """Go on with one more node on the shaft, which slides to begin with."""
         count, last = len(self._chain.shaft) - 1, self.memory.settled
         rows = [count, 2 * count]
-        settled = Settled(
+        settled = ActiveSetSolution(
             np.insert(last.forces, rows, [1.0, 0.0]),
             np.insert(last.moved, rows, 0.0),
             np.insert(last.held, rows, [False, True]),
@@ -70,12 +74,12 @@ class NodeContact:
         last = self.memory.settled
         count = len(last.forces) // 2 - 1
         rows: Ints = np.r_[:kept, count : count + kept, 2 * count : 2 * count + 2]
-        settled = Settled(last.forces[rows], last.moved[rows], last.held[rows])
+        settled = ActiveSetSolution(last.forces[rows], last.moved[rows], last.held[rows])
         self.memory = dataclasses.replace(self.memory, settled=settled)
 
     def evaluate(
         self, point: Vector, depth: float, travel: float, way: TipPhase, *, endless: bool = False
-    ) -> tuple[Response, Settled]:
+    ) -> tuple[Response, ActiveSetSolution]:
         """Return the tissue's response and the forces with the tip's node at a point.
 
         A tip that presses holds its point up to the force of cutting (or `endless`). One that
@@ -109,15 +113,17 @@ class NodeContact:
             matrix[:, -3] += share * matrix[:, -1]
             free[-3] += share * free[-1]
             target[-3] += share * target[-1]
-        found = settle(matrix, free, target, limits, self.memory.settled)
+        found = solve_active_set(matrix, free, target, limits, self.memory.settled)
         if not share:
             return response, found
         forces = found.forces.copy()
         forces[-1] = share * forces[-3]
         moved = response.free + response.compliance @ forces
-        return response, Settled(forces, moved, found.held)
+        return response, ActiveSetSolution(forces, moved, found.held)
 
-    def _limits(self, point: Vector, shares: Floats, way: TipPhase, *, endless: bool) -> Limits:
+    def _limits(
+        self, point: Vector, shares: Floats, way: TipPhase, *, endless: bool
+    ) -> ForceLimits:
         friction = shares * np.append(self._friction, self._touch.friction(point[None]))
         push = np.inf if endless else self._touch.cutting_force(point) + friction[-1]
         count = len(friction) - 1
@@ -129,9 +135,9 @@ class NodeContact:
             low[-2:] = high[-2:] = 0.0
         elif way is TipPhase.CUTTING:
             low[-2:] = high[-2:] = [push, 0.0]
-        return Limits(low, high, self._grip)
+        return ForceLimits(low, high, self._grip)
 
-    def finish(self, response: Response, settled: Settled) -> None:
+    def finish(self, response: Response, settled: ActiveSetSolution) -> None:
         """End the step under the forces found."""
         self._tissue.finish(response, settled.forces)
         self.memory = Memory(settled, settled.moved[: len(self._chain.shaft)])

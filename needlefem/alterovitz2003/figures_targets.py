@@ -13,8 +13,8 @@ from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.images import save
 from needlefem.plotting.panel import Panel, Window
 from needlefem.plotting.style import Style
-from needlefem.plotting.timeline import Film
-from needlefem.plotting.view import Look, TissueView
+from needlefem.plotting.timeline import Timeline
+from needlefem.plotting.view import TissueView, ViewOptions
 from needlefem.scene import Scene
 from needlefem.studies.targets import TargetTable
 
@@ -27,7 +27,7 @@ def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: 
 
     Returns how far apart they are there, m.
     """
-    film, style = Film(insertion), Style()
+    film, style = Timeline(insertion), Style()
     plotter = renderer().Plotter(
         off_screen=True, shape=(1, 2), window_size=[1600, 800], border=False
     )
@@ -40,7 +40,7 @@ def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: 
     for number, (moment, text) in enumerate(zip(moments, texts, strict=True)):
         plotter.subplot(0, number)
         canvas = Canvas(plotter, insertion.axis, style)
-        TissueView(canvas, film, Look(style=style)).show(moment)
+        TissueView(canvas, film, ViewOptions(style=style)).show(moment)
         panel = Panel(plotter, style)
         there = target + number * moved
         if number:
@@ -72,11 +72,11 @@ def draw_targets_hit(scene: Scene, table: TargetTable, path: Path) -> Path:
         off_screen=True, shape=(1, 2), window_size=[1600, 860], border=False
     )
     plotter.set_background(style.background)
-    film = Film(plans[0].level)
+    film = Timeline(plans[0].level)
     for number, (title, releases, mean) in enumerate(columns):
         plotter.subplot(0, number)
         canvas, panel = Canvas(plotter, film.insertion.axis, style), Panel(plotter, style)
-        TissueView(canvas, film, Look(style=style)).show(film.undeformed())
+        TissueView(canvas, film, ViewOptions(style=style)).show(film.undeformed())
         _placements(canvas, targets, releases, scene.needle.tip_radius)
         near = np.vstack([canvas.screen(r.contour.points) for r in scene.regions.values()])
         panel.look(Window.around(near, 0.1))

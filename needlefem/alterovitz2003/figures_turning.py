@@ -11,8 +11,8 @@ from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.images import save
 from needlefem.plotting.panel import Panel, Window
 from needlefem.plotting.style import Style
-from needlefem.plotting.timeline import Film
-from needlefem.plotting.view import Look, TissueView
+from needlefem.plotting.timeline import Timeline
+from needlefem.plotting.view import TissueView, ViewOptions
 
 SIZE = (1280, 900)
 DASHES = 36
@@ -30,7 +30,7 @@ def turned(before: Points, after: Points) -> float:
 
 def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
     """Draw the first region before and during an insertion; return its turn as seen, rad."""
-    film, style = Film(insertion), Style()
+    film, style = Timeline(insertion), Style()
     plotter = renderer().Plotter(off_screen=True, window_size=list(SIZE), border=False)
     plotter.set_background(style.background)
     canvas = Canvas(plotter, insertion.axis, style)
@@ -42,7 +42,7 @@ def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
         legend=((style.support, "undeformed"), (style.outline, "deformed"),
                 (style.path, "turn")),
     )  # fmt: skip
-    TissueView(canvas, film, Look(style=style)).show(moment)
+    TissueView(canvas, film, ViewOptions(style=style)).show(moment)
     _dashed(canvas, before, style.support)
     for middle, turn, colour in (
         (before.mean(axis=0), 0.0, style.support),

@@ -8,7 +8,7 @@ from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.needle.needle_interface import NeedleInterface
 
 
-class Touch:
+class NeedleFunctionals:
     """The needle's functionals on a moved mesh.
 
     Parameters

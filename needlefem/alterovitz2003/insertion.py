@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from needlefem._arrays import Vector
-from needlefem.alterovitz2003.active_set import Settled
+from needlefem.alterovitz2003.active_set import ActiveSetSolution
 from needlefem.alterovitz2003.contact import NodeContact
-from needlefem.alterovitz2003.functionals import Touch
+from needlefem.alterovitz2003.functionals import NeedleFunctionals
 from needlefem.alterovitz2003.moving_tissue import MovingTissue, Response
 from needlefem.alterovitz2003.node_chain import LEAST_AREA, NodeChain, NoNodeError
 from needlefem.alterovitz2003.tissue_in_time import TissueInTime
@@ -45,7 +45,7 @@ LEAST_TRAVEL = 1e-6
 FORWARD = 1e-9
 """Least way that a cutting tip makes in a step, m; below it holds."""
 
-Found = tuple[Vector, Response, Settled]
+Found = tuple[Vector, Response, ActiveSetSolution]
 
 
 class ConformingInsertion:
@@ -77,7 +77,7 @@ class ConformingInsertion:
         self.axis = instrument.axis
         self.tissue = MovingTissue(tissue, instrument.axis.frame)
         self.chain = NodeChain(self.tissue.mesh, instrument.axis)
-        self.touch = Touch(instrument, self.tissue.mesh, spread=spread)
+        self.touch = NeedleFunctionals(instrument, self.tissue.mesh, spread=spread)
         self.contact = NodeContact(self.tissue, self.chain, self.touch, grip)
         self.outcome = Outcome(Status.STOPPED, "stopped by the caller")
         self.depth = self._waiting = 0.0
@@ -231,7 +231,7 @@ class ConformingInsertion:
             change = 0.5 * change
         raise NoNodeError("the node at the tip can't follow it: a cell would turn over")
 
-    def _off(self, point: Vector, settled: Settled, depth: float) -> Vector:
+    def _off(self, point: Vector, settled: ActiveSetSolution, depth: float) -> Vector:
         """Return how far the tip is from where the needle is, shape (2,), m."""
         off: Vector = point + settled.moved[-2:] @ self.axis.frame - self.axis.tip_position(depth)
         return off

@@ -17,7 +17,7 @@ from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.trajectory import TipPoint
 from needlefem.planning.headline import with_headline
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import Reader
+from needlefem.planning.reading import InsertionReader
 from needlefem.planning.result import Evidence, Plan
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 
@@ -205,4 +205,4 @@ def unplanned(simulation: Simulation, target: Vector) -> tuple[TipPoint | None, 
     entry = simulation.entry_through(target)
     depth = float(simulation.direction @ (target - entry.point))
     insertion = simulation.insert(entry, lambda state: state.depth > depth + 2e-3)
-    return Reader(insertion, target).at_depth(depth).reach, insertion
+    return InsertionReader(insertion, target).at_depth(depth).reach, insertion

@@ -16,9 +16,9 @@ from needlefem.checks.work_precision import Point, front
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.planning.plan import plan
-from needlefem.planning.reference_solution import Exact
+from needlefem.planning.reference_solution import ReferenceSolution
 from needlefem.planning.result import Plan, PlanStatus
-from needlefem.plotting.svg_charts import Line, loglog
+from needlefem.plotting.svg_charts import ChartLine, loglog
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 from needlefem.scene.resolve import resolve, with_element
 
@@ -44,10 +44,10 @@ class Entrant:
 def run(case: str) -> Table:
     """Plan on many discretisations; measure each by the exact tissue and by its seconds."""
     scene = load_case(case)
-    return race(scene, entrants(scene), Exact(scene, _target(scene)))
+    return race(scene, entrants(scene), ReferenceSolution(scene, _target(scene)))
 
 
-def race(scene: Scene, entered: Sequence[Entrant], exact: Exact) -> Table:
+def race(scene: Scene, entered: Sequence[Entrant], exact: ReferenceSolution) -> Table:
     """Return error against seconds of entrants, the first being the case's own."""
     found = {entrant: _timed(entrant.go) for entrant in entered}
     plans = [made for made, _ in found.values()]
@@ -182,5 +182,7 @@ def _chart(entered: Sequence[Entrant], points: Sequence[Point], best: set[Point]
         own.sort(key=lambda p: p.seconds)
         ringed = [place for place, p in enumerate(own) if p in best]
         if own:
-            lines.append(Line(family, [p.seconds for p in own], [p.error for p in own], ringed))
+            lines.append(
+                ChartLine(family, [p.seconds for p in own], [p.error for p in own], ringed)
+            )
     return loglog("placement (ringed: beaten by none)", "CPU seconds", "error (m)", lines)

@@ -11,7 +11,7 @@ from needlefem._toml import assignment, key_parts
 from needlefem.casefile.expectations import read_expectations
 from needlefem.casefile.meshunit import refuse_wrong_unit
 from needlefem.casefile.openkeys import refuse_open
-from needlefem.casefile.reader import Reader
+from needlefem.casefile.reader import CaseReader
 from needlefem.casefile.tables import Table, required, table, tables
 from needlefem.errors import CaseError, short
 from needlefem.geometry.image_frame import ImageFrame
@@ -120,7 +120,7 @@ def read_scene(data: Table, folder: Path) -> Scene:
         problem = f"{short(version)} is not known"
         raise CaseError("schema_version", problem, f"write {SCHEMA_VERSION}")
     axes = _axes(data)
-    reader = Reader(len(axes), folder, axes)
+    reader = CaseReader(len(axes), folder, axes)
     tissue = table(data, "tissue")
     refuse_unknown(tissue, ("background", "plane"), "tissue")
     target = table(data, "target") if "target" in data else None

@@ -23,7 +23,7 @@ CONTOUR_KEYS = ("contour", "offset", "unit")
 """Where an outline is; the rest of a table is what it means."""
 
 
-class Reader:
+class CaseReader:
     """Fills dataclasses from tables by what their fields declare."""
 
     def __init__(self, dim: int, folder: Path, axes: Sequence[str] | None = None) -> None:

@@ -14,7 +14,7 @@ from needlefem.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Again:
+class SavedCase:
     """A case that a result came from.
 
     Parameters
@@ -34,7 +34,7 @@ class Again:
         return "release_point" in self.record
 
 
-def read_again(path: str | Path) -> Again:
+def read_again(path: str | Path) -> SavedCase:
     """Read the case of a result.
 
     Parameters
@@ -54,7 +54,7 @@ def read_again(path: str | Path) -> Again:
     assignments = [
         f"{key}={_toml(value, key, saved.path)}" for key, value in saved.record["overrides"].items()
     ]
-    return Again(load_case(_source(saved), assignments), saved.record)
+    return SavedCase(load_case(_source(saved), assignments), saved.record)
 
 
 def _source(saved: SavedResult) -> Path:

@@ -4,14 +4,14 @@ import statistics
 import time
 from collections.abc import Callable, Sequence
 
-from needlefem.checks.reference_problem import Answer, Curve
+from needlefem.checks.reference_problem import Curve, Quantity
 from needlefem.fem.boundary_value_problem import StaticSolution
 
 LONG_ENOUGH = 0.03
 """Seconds from which on one timing is taken as it is."""
 
 
-def sweep(
+def convergence_study(
     element: str,
     divisions: Sequence[int],
     solve: Callable[[int], StaticSolution],
@@ -67,10 +67,10 @@ def _timed(solve: Callable[[int], StaticSolution], count: int) -> tuple[StaticSo
     return solved, statistics.median(spent)
 
 
-def order_answer(curve: Curve, within: float = 0.15) -> Answer:
+def order_answer(curve: Curve, within: float = 0.15) -> Quantity:
     """Return the answer that a curve converges as theory says."""
     order = 0.0 if curve.order is None else curve.order
-    return Answer(
+    return Quantity(
         label=f"{curve.element}: order of {curve.quantity}",
         value=curve.observed,
         reference=order,
@@ -79,14 +79,14 @@ def order_answer(curve: Curve, within: float = 0.15) -> Answer:
     )
 
 
-def no_slower(curve: Curve, within: float = 0.15) -> Answer:
+def order_at_least(curve: Curve, within: float = 0.15) -> Quantity:
     """Return the answer that a curve converges at least as fast as theory says.
 
     For problems where coarse meshes are more than proportionally bad, so that errors fall faster
     at first.
     """
     order = 0.0 if curve.order is None else curve.order
-    return Answer(
+    return Quantity(
         label=f"{curve.element}: order of {curve.quantity}, no less",
         value=curve.observed,
         reference=order - within,

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from needlefem._arrays import Floats
 from needlefem.checks.result import CheckResult, outcome
-from needlefem.dynamics import EnergyLedger, Integrator, KinematicState, MatrixSystem
+from needlefem.dynamics import Integrator, KinematicState, MatrixSystem, TissueEnergyBalance
 from needlefem.dynamics.histories import Load, iterate, last
 from needlefem.errors import CaseError
 
@@ -196,7 +196,7 @@ def energy_taken(integrator: Integrator) -> float:
     """Return the share of a push's turnover that the integrator takes, on a damped oscillator."""
     step = 0.01
     stepper = integrator.stepper(Oscillator(DAMPED_RATIO), step)
-    ledger = EnergyLedger(stepper)
+    ledger = TissueEnergyBalance(stepper)
     motion = stepper.start(np.array([0.3]), np.array([-0.2]), _push(0.0))
     for number in range(2000):
         before, after = _push(step * number), _push(step * (number + 1))

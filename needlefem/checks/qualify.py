@@ -14,7 +14,7 @@ from needlefem.elements import ElementType
 from needlefem.materials import Isotropic, Material, plane_volumetric_split
 
 
-def qualify(
+def check_element_material(
     element: ElementType, material: Material, plane: str = "strain"
 ) -> tuple[CheckResult, ...]:
     """Run every check that applies to an element and a law in the plane.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from needlefem._progress import doing
-from needlefem.checks.work_precision import Race
+from needlefem.checks.work_precision import WorkPrecision
 from needlefem.errors import CaseError, nearest
 from needlefem.fem.boundary_value_problem import StaticSolution
 
@@ -21,7 +21,7 @@ RECORD_TOLERANCE = 1e-8
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Answer:
+class Quantity:
     """One number and what it must be.
 
     Parameters
@@ -114,10 +114,10 @@ class Shape:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Findings:
+class ProblemResult:
     """What a problem's run found."""
 
-    answers: Sequence[Answer]
+    quantities: Sequence[Quantity]
     curves: Sequence[Curve] = ()
     shapes: Sequence[Shape] = ()
 
@@ -133,21 +133,21 @@ class Problem:
         What the software shall do.
     reference : str
         Where the known answer comes from: formula, author, year.
-    why : str
+    tolerance_rationale : str
         Why the tolerance is what it is.
     run : callable
         Takes whether to be quick (coarse meshes, seconds) and returns the findings. Answers of
         a quick run are among those of a whole one, under the same labels.
-    races : sequence of Race
+    races : sequence of WorkPrecision
         What it is good for as a benchmark.
     """
 
     name: str
     requirement: str
     reference: str
-    why: str
-    run: Callable[[bool], Findings]
-    races: Sequence[Race] = ()
+    tolerance_rationale: str
+    run: Callable[[bool], ProblemResult]
+    races: Sequence[WorkPrecision] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -155,7 +155,7 @@ class Verdict:
     """An answer with both verdicts; `record` is None for what is not worth recording."""
 
     problem: str
-    answer: Answer
+    answer: Quantity
     record: bool | None
     seconds: float
 
@@ -210,7 +210,7 @@ class Report:
     """A problem, its findings and the verdicts on its answers."""
 
     problem: Problem
-    findings: Findings
+    findings: ProblemResult
     verdicts: Sequence[Verdict]
     seconds: float
 
@@ -224,7 +224,7 @@ def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool =
 
 
 def judged(
-    problem: Problem, findings: Findings, records: Mapping[str, float], seconds: float
+    problem: Problem, findings: ProblemResult, records: Mapping[str, float], seconds: float
 ) -> Report:
     """Judge what a problem's run found against reference and own record."""
     verdicts = [
@@ -234,12 +234,12 @@ def judged(
             record=_same(answer, records.get(f"{problem.name}: {answer.label}")),
             seconds=seconds,
         )
-        for answer in findings.answers
+        for answer in findings.quantities
     ]
     return Report(problem=problem, findings=findings, verdicts=verdicts, seconds=seconds)
 
 
-def _same(answer: Answer, record: float | None) -> bool | None:
+def _same(answer: Quantity, record: float | None) -> bool | None:
     """Say whether an answer is as recorded; an error (reference 0) is compared as it is."""
     if not answer.recorded:
         return None

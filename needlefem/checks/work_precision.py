@@ -14,7 +14,7 @@ ELEMENTS, INTEGRATORS = "elements", "integrators"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Race:
+class WorkPrecision:
     """A problem for many.
 
     Parameters
@@ -76,10 +76,10 @@ def elements_race(
     measure: Callable[[Any], tuple[int, float]],
     levels: Sequence[int],
     target: float = 1e-3,
-) -> Race:
+) -> WorkPrecision:
     """Return a race of all elements at a Poisson's ratio (0 in plane stress)."""
     defaults = cheapest(ratio)
-    return Race(
+    return WorkPrecision(
         title=title,
         quantity=quantity,
         about=ELEMENTS,

@@ -13,7 +13,7 @@ from needlefem.newcase.draft import Draft, case_text, csv_text
 from needlefem.newcase.from_contours import of_contours
 from needlefem.newcase.from_label_map import of_labelmap
 from needlefem.newcase.from_mesh import of_mesh
-from needlefem.newcase.request import Wanted
+from needlefem.newcase.request import CaseRequest
 
 
 def main(options: argparse.Namespace) -> int:
@@ -44,7 +44,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _draft(options: argparse.Namespace, folder: Path) -> Draft:
-    wanted = Wanted(
+    wanted = CaseRequest(
         **{
             name: getattr(options, name)
             for name in ("target", "entry", "direction", "across", "space", "segments", "margin",

@@ -7,7 +7,7 @@ from typing import Any
 
 from needlefem._table import Table
 from needlefem.checks.integrator_checks import check_integrator, measured
-from needlefem.checks.qualify import failures, qualify
+from needlefem.checks.qualify import check_element_material, failures
 from needlefem.checks.result import CheckResult
 from needlefem.cli.common import say, say_json
 from needlefem.dynamics import NAMES, integrator_class
@@ -29,7 +29,7 @@ def main(options: argparse.Namespace) -> int:
         row = element_row(element, "--element")
         for material in _names(options.material or "isotropic", list(LAWS)):
             law = example(material, settings)
-            found[element, material] = qualify(row, law, options.plane)
+            found[element, material] = check_element_material(row, law, options.plane)
     return _say(options, found)
 
 

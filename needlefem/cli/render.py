@@ -11,7 +11,7 @@ from needlefem.io.files import probe
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.images import MOVING, STILLS, require_kind
 from needlefem.plotting.quantities import quantity
-from needlefem.plotting.render import Shot, animate, panels, render
+from needlefem.plotting.render import RenderOptions, animate, panels, render
 from needlefem.plotting.setup_figure import draw_setup
 from needlefem.scene.limits import check_count
 from needlefem.units import parse_quantity
@@ -26,7 +26,7 @@ MOST_PIXELS = 8000
 def main(options: argparse.Namespace) -> int:
     """Draw a case or a result into a file; return the exit status."""
     renderer()  # before anything is simulated
-    shot = Shot(field=options.field, texture=options.texture, size=_size(options.size))
+    shot = RenderOptions(field=options.field, texture=options.texture, size=_size(options.size))
     if options.field:
         quantity(options.field)
     path = Path(named(options.out))
@@ -69,7 +69,7 @@ def _refuse_unused(options: argparse.Namespace, path: Path) -> None:
         check_count(options.frames, "--frames", limits)
 
 
-def _draw(options: argparse.Namespace, path: Path, shot: Shot) -> None:
+def _draw(options: argparse.Namespace, path: Path, shot: RenderOptions) -> None:
     watch = progress("moving")
     insertion = replay(options.case, options.overrides, watch)
     beside = replay(options.beside, options.overrides, watch) if options.beside else None

@@ -12,7 +12,7 @@ import numpy as np
 
 from needlefem._arrays import Floats
 from needlefem.casefile.load import load_case
-from needlefem.casefile.saved_case import Again, read_again
+from needlefem.casefile.saved_case import SavedCase, read_again
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
@@ -63,7 +63,7 @@ def replay(path: str, overrides: Sequence[str], watch: Watch | None) -> Insertio
     return insertion
 
 
-def _again(path: str, overrides: Sequence[str]) -> Again:
+def _again(path: str, overrides: Sequence[str]) -> SavedCase:
     if overrides:
         raise CaseError("--set", "changes cases, not results", "give the case.toml")
     return read_again(path)
@@ -74,7 +74,7 @@ def _moved(scene: Scene, watch: Watch | None) -> Insertion:
     return simulation.move(simulation.entry_of_case())
 
 
-def _carried_out(again: Again) -> Scene:
+def _carried_out(again: SavedCase) -> Scene:
     """Return the plan's scene with a motion to its release point and out of the tissue."""
     release = again.record["release_point"]
     if release is None:
@@ -91,12 +91,12 @@ def _carried_out(again: Again) -> Scene:
     return dataclasses.replace(scene, motion=motion)
 
 
-def _same(insertion: Insertion, again: Again) -> bool:
+def _same(insertion: Insertion, again: SavedCase) -> bool:
     tips = np.array(again.record["tip_path"])
     return tips.shape == insertion.tips.shape and _near(tips, insertion.tips, SAME)
 
 
-def _placed_as_planned(insertion: Insertion, again: Again) -> bool:
+def _placed_as_planned(insertion: Insertion, again: SavedCase) -> bool:
     place = again.record["placed_at"]
     if place is None or not insertion.seeds:
         return False

@@ -21,7 +21,7 @@ from needlefem.cli.common import (
 from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options, unused_keys
 from needlefem.errors import NoRendererError
 from needlefem.insertion.discretised import Discretised, discretised
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.trajectory import TipPoint
@@ -31,8 +31,8 @@ from needlefem.io.expectations import expect_record, judged
 from needlefem.io.files import write_json
 from needlefem.io.histories import History, recorded
 from needlefem.io.records import (
+    energy_record,
     insertion_record,
-    ledger_record,
     origin,
     released_record,
     seed_record,
@@ -79,7 +79,7 @@ def _moved(
     watch = progress("moving")
     simulation = Simulation(scene)
     simulation.check()
-    course = simulation.course(simulation.entry_of_case())
+    course = simulation.insertion_run(simulation.entry_of_case())
     states = course.iterate()
     if result is not None:
         result.begin()
@@ -118,7 +118,7 @@ def _write(
 
 def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     """Return seed, energy and validity at the last state."""
-    energies = ledger(insertion)
+    energies = energy_terms(insertion)
     strains = validity(insertion, len(insertion.states) - 1)
     warnings = [*simulation.warnings, *strains.warnings()]
     warnings += overlaps(simulation.model.mesh, simulation.scene.contours)
@@ -129,7 +129,7 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
         warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
     return {
         "seeds": _seeds(insertion),
-        "energy": ledger_record(energies),
+        "energy": energy_record(energies),
         "validity": vars(strains),
         "timings": {},
         "skipped": simulation.resolved.skipped,

@@ -39,8 +39,8 @@ class ShaftEquations:
     sliding: AxialCompliance
     compliance: Floats
     free: Floats
-    hold: Floats
-    sideways: Floats
+    lateral_force_map: Floats
+    lateral_displacement_map: Floats
 
     @classmethod
     def build(
@@ -90,11 +90,11 @@ class ShaftEquations:
 
     def lateral(self, forces: Floats) -> Floats:
         """Return the lateral force on the tip's piece, shape (dim - 1,), N (N/m in 2D)."""
-        return _affine(self.hold, forces)
+        return _affine(self.lateral_force_map, forces)
 
-    def beside(self, forces: Floats) -> Floats:
+    def lateral_tip_displacement(self, forces: Floats) -> Floats:
         """Return the lateral displacement of the tip's kernel, shape (dim - 1,), m."""
-        return _affine(self.sideways, forces)
+        return _affine(self.lateral_displacement_map, forces)
 
 
 def _affine(part: Floats, forces: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Time: systems, integrators, histories, modes."""
 
 from needlefem.dynamics.damping import Damping
-from needlefem.dynamics.energy import EnergyLedger, kinetic_energy
+from needlefem.dynamics.energy import TissueEnergyBalance, kinetic_energy
 from needlefem.dynamics.integrators import (
     HHT,
     NAMES,
@@ -22,7 +22,6 @@ __all__ = [
     "NAMES",
     "CentralDifference",
     "Damping",
-    "EnergyLedger",
     "GeneralizedAlpha",
     "ImplicitStepper",
     "Integrator",
@@ -32,6 +31,7 @@ __all__ = [
     "QuasiStatic",
     "Stepper",
     "System",
+    "TissueEnergyBalance",
     "TissueSystem",
     "at_rest",
     "critical_step",

@@ -14,7 +14,7 @@ def kinetic_energy(system: System, v: Floats) -> float:
 
 
 @dataclasses.dataclass
-class EnergyLedger:
+class TissueEnergyBalance:
     """Work of the forces, and what became of it, J (J/m in 2D).
 
     Over a step forces are taken as the mean of those at its ends. `kinetic`, `strain` and

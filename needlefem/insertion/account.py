@@ -19,14 +19,14 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.contact.functionals import ContactSegment
 from needlefem.fem.interpolation import LinearFunctionals
-from needlefem.insertion.result import Ledger
+from needlefem.insertion.result import EnergyTerms
 from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import Field
 
 
 @dataclasses.dataclass(frozen=True)
 class EnergyIncrement:
-    """What the needle's work went into in one step, J (J/m in 2D); terms as in `Ledger`.
+    """What the needle's work went into in one step, J (J/m in 2D); terms as in `EnergyTerms`.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class EnergyBalance:
         self.mismatch = max(self.mismatch, abs(spent.mismatch))
         self.least = min(self.least, spent.least)
 
-    def begin(self, found: Ledger) -> None:
+    def begin(self, found: EnergyTerms) -> None:
         """Go on from the ledger of a march."""
         for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
             setattr(self, name, getattr(found, name))
@@ -197,9 +197,9 @@ class EnergyBalance:
         for name in ("relaxation", "kinetic", "damping", "algorithmic"):
             setattr(self, name, energies.get(name, 0.0))
 
-    def ledger(self) -> Ledger:
+    def energy_terms(self) -> EnergyTerms:
         """Return the energies."""
-        return Ledger(
+        return EnergyTerms(
             work=self.work,
             strain=self.strain,
             hold=self.hold,

@@ -17,11 +17,11 @@ import numpy as np
 
 from needlefem._arrays import Floats
 from needlefem.insertion.fields import displacements, loads, means_of
-from needlefem.insertion.result import Insertion, Ledger, Rupture
+from needlefem.insertion.result import EnergyTerms, Insertion, Rupture
 from needlefem.insertion.state import State
 
 
-def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
+def energy_terms(insertion: Insertion, *, trapezoidal: bool = False) -> EnergyTerms:
     """Return the energy ledger of an insertion; stepping keeps its own on the way.
 
     Parameters
@@ -47,7 +47,7 @@ def ledger(insertion: Insertion, *, trapezoidal: bool = False) -> Ledger:
     tip = [step.tip(trapezoidal=trapezoidal) for step in steps]
     rubbed = [step.friction() for step in steps]
     taken = [(f, c, s, f + c + s) for f, (c, s) in zip(rubbed, tip, strict=True)]
-    return Ledger(
+    return EnergyTerms(
         work=work,
         strain=float(energy[-1] - energy[0]),
         hold=_hold(insertion, insertion.states[-1]) - _hold(insertion, insertion.states[0]),

@@ -46,7 +46,7 @@ class WarmStart:
         self.last: LastStep | None = None
         self._expected_last = expected_last
 
-    def beside(self, entry: Vector, near: float) -> "WarmStart":
+    def for_entry(self, entry: Vector, near: float) -> "WarmStart":
         """Return the guide of the next march: of no use unless its entry is near (m)."""
         apart = float(np.linalg.norm(entry - self.entry))
         return WarmStart(entry, self.learnt, self.last) if apart <= near else WarmStart(entry)

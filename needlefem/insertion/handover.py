@@ -35,9 +35,9 @@ def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State
     now = dataclasses.replace(
         state,
         time=state.depth / speed,
-        covered=track.length,
+        inserted_length=track.length,
         slipping=np.ones(len(limits), dtype=int),
-        tip_moved=float(field.means(here)[0, 0]),
+        tip_displacement=float(field.means(here)[0, 0]),
         tip_nodes=here.nodes,
         tip_weights=here.rows[0],
     )

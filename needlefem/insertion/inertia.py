@@ -17,10 +17,10 @@ from needlefem._arrays import Floats, Vector
 from needlefem.contact.functionals import ContactSegment
 from needlefem.dynamics import (
     Damping,
-    EnergyLedger,
     GeneralizedAlpha,
     KinematicState,
     Newmark,
+    TissueEnergyBalance,
     TissueSystem,
 )
 from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper
@@ -156,7 +156,7 @@ class DynamicResponse:
         stepper, old, force = self._stepper, self._start, load[self.model.free_dofs]
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
         self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
-        ledger = EnergyLedger(stepper)
+        ledger = TissueEnergyBalance(stepper)
         ledger.add(old, self.motion, self._forces, force)
         for name in TERMS:
             self._energies[name] += getattr(ledger, name)

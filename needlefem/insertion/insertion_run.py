@@ -14,7 +14,7 @@ import numpy as np
 
 from needlefem.contact.functionals import ContactSegment
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.energy_balance import ledger, released
+from needlefem.insertion.energy_balance import energy_terms, released
 from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.motion_schedule import motion_stages, time_steps
 from needlefem.insertion.path_following import PathFollowing
@@ -126,9 +126,9 @@ class InsertionRun:
         found = self._events()[self._told :]
         self._told += len(found)
         if self.stepping is not None:
-            found = (*found, *self.stepping.chronicle.events)
-            self._kept.extend(self.stepping.chronicle.events)
-            self.stepping.chronicle.events.clear()
+            found = (*found, *self.stepping.event_log.events)
+            self._kept.extend(self.stepping.event_log.events)
+            self.stepping.event_log.events.clear()
         return list(found)
 
     @property
@@ -170,7 +170,7 @@ class InsertionRun:
         states = stepping.iterate(found)
         if self.march is not None:
             speed = self._legs[0].end / self._legs[0].duration
-            stepping.take_over(self.march, speed, ledger(self._marched_result()))
+            stepping.take_over(self.march, speed, energy_terms(self._marched_result()))
             next(states)
         yield from states
 
@@ -223,9 +223,9 @@ class InsertionRun:
             pieces=tuple(stepping.pieces),
             snaps=(*snaps, *stepping.snaps),
             evaluations=stepping.evaluations,
-            events=(*self._events(), *self._kept, *stepping.chronicle.events),
-            seeds=tuple(stepping.chronicle.seeds),
-            energies=stepping.account.ledger(),
+            events=(*self._events(), *self._kept, *stepping.event_log.events),
+            seeds=tuple(stepping.event_log.seeds),
+            energies=stepping.energy_balance.energy_terms(),
         )
 
     def _events(self) -> tuple[Event, ...]:

@@ -62,8 +62,8 @@ def loading_state(
         outside_state(track, trial.weights, time, depth),
         tip_force=float(forces[0]),
         tip_lateral=forces[1:],
-        way=TipPhase.LOADING,
-        tip_moved=float(trial.displacement[0] + trial.bare[0] @ forces),
+        tip_phase=TipPhase.LOADING,
+        tip_displacement=float(trial.displacement[0] + trial.bare[0] @ forces),
     )
 
 
@@ -137,7 +137,9 @@ def extend(contact: CondensedContact, pieces: Sequence[ContactSegment]) -> None:
         contact.append_segment(trial, 0, 0.0, piece.offset, piece.compliance)
 
 
-def tell_apart(contact: CondensedContact, track: CutPath, friction: SlipWeakeningFriction) -> None:
+def check_stick_resolution(
+    contact: CondensedContact, track: CutPath, friction: SlipWeakeningFriction
+) -> None:
     """Raise a `SimulationError` where the tissue can't tell the path's pieces apart that stick."""
     count = len(contact.pieces)
     if count:

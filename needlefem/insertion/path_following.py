@@ -65,7 +65,7 @@ class _StopError(Exception):
         self.outcome = Outcome(status, sentence)
 
 
-class _Before(NamedTuple):
+class _PreviousStep(NamedTuple):
     """What the check of the next step needs of the newest state.
 
     Parameters
@@ -127,7 +127,7 @@ class PathFollowing:
         self.snaps: list[Rupture] = []
         self._solver = TipSolver(instrument, self.contact, guide)
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
-        self._before: _Before | None = None
+        self._before: _PreviousStep | None = None
         self._inside: Vector | None = None
         self.states: list[State] = []
 
@@ -168,14 +168,14 @@ class PathFollowing:
                 yield self._accept(end)
                 return
             step = self._next()
-            peak = self._peak(step) if self._may_fall(step) else None
+            peak = self._limit_point(step) if self._may_fall(step) else None
             highest = step if peak is None else peak
             if highest.depth > self.max_depth + AT_DEPTH:
                 if self.within:
                     return
                 yield self._accept(self._at_max_depth(highest), guide=highest)
             elif peak is not None or step.depth <= self.states[-1].depth:
-                yield from self._snap(peak)
+                yield from self._rupture(peak)
             else:
                 yield self._accept(step)
 
@@ -310,13 +310,13 @@ class PathFollowing:
         self.contact.append_segment(trial, 0, 0.0, np.zeros(len(lateral)), 0.0)
         self.states[-1] = dataclasses.replace(
             self.states[-1],
-            axial=np.zeros(1),
-            lateral=limit * lateral[None],
+            friction_force=np.zeros(1),
+            lateral_force=limit * lateral[None],
             tip_lateral=np.zeros(len(lateral)),
-            moved=np.concatenate([[depth], np.zeros(len(lateral))])[None],
+            segment_displacement=np.concatenate([[depth], np.zeros(len(lateral))])[None],
         )
         path = np.append(0.0, limit * lateral)
-        self._before = _Before(path, trial, trial.bare[0], depth)
+        self._before = _PreviousStep(path, trial, trial.bare[0], depth)
 
     def _accept(
         self, step: TipSolution, *, jumping: bool = False, guide: TipSolution | None = None
@@ -353,7 +353,7 @@ class PathFollowing:
             )
         )
 
-    def _checked(self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats) -> _Before:
+    def _checked(self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats) -> _PreviousStep:
         """End the march where a point of the shaft, or the new piece, does not slip forward.
 
         Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
@@ -397,7 +397,7 @@ class PathFollowing:
         if min(old, new, friction) < 0.0:
             self._check_energy(step, friction, old, new)
         at_tip = np.append(trial.coupling[0], trial.bare[0, dim:])
-        return _Before(flat, trial, at_tip, tip_moved)
+        return _PreviousStep(flat, trial, at_tip, tip_moved)
 
     def _check_energy(self, step: TipSolution, friction: float, old: float, new: float) -> None:
         """End the march where friction, cutting or a snap would give energy in a step.
@@ -424,7 +424,7 @@ class PathFollowing:
                 "it; path following ends there",
             )
 
-    def _snap(self, peak: TipSolution | None) -> Iterator[State]:
+    def _rupture(self, peak: TipSolution | None) -> Iterator[State]:
         """Go on from where depth would fall back: at fixed depth, until the tip holds again."""
         if peak is not None:
             yield self._accept(peak)
@@ -438,7 +438,7 @@ class PathFollowing:
         self.snaps.append(Rupture(depth, first, len(self.states) - 1))
         yield state
 
-    def _peak(self, step: TipSolution) -> TipSolution | None:
+    def _limit_point(self, step: TipSolution) -> TipSolution | None:
         """Return the step to the largest depth within a step, if that is beyond both its ends."""
         low, high = 0.0, self._length(step)
         ratio, precise = 0.5 * (np.sqrt(5.0) - 1.0), PEAK * high

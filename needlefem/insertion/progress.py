@@ -20,7 +20,7 @@ from needlefem.insertion.handover import hand_over
 from needlefem.insertion.moments import extend, outside_state, state_from_trial
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.recent import LeastRecentlyUsed
-from needlefem.insertion.result import Ledger, LeftTissueError
+from needlefem.insertion.result import EnergyTerms, LeftTissueError
 from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import Field, StepEquations
 from needlefem.insertion.stepfield import ContactField, ZeroField
@@ -106,7 +106,7 @@ class Progress:
         self._field: Field = ZeroField(model.dim)
         self._solved: list[StepEquations] = []
 
-    def take_over(self, march: PathFollowing, speed: float, spent: Ledger) -> None:
+    def take_over(self, march: PathFollowing, speed: float, spent: EnergyTerms) -> None:
         """Go on where a march ended, with all that it has cut.
 
         Parameters
@@ -114,7 +114,7 @@ class Progress:
         march : PathFollowing
         speed : float, m/s
             Of the needle on it.
-        spent : Ledger
+        spent : EnergyTerms
             Its energies.
         """
         if not march.contact.pieces:
@@ -220,7 +220,7 @@ class Progress:
         state = outside_state(self.track, self.tip_at_entry, time, depth)
         field = ContactField(self.contact, np.zeros(0), None, np.zeros(0))
         own = LinearFunctionals(state.tip_nodes, state.tip_weights[None])
-        state = dataclasses.replace(state, tip_moved=float(field.means(own)[0, 0]))
+        state = dataclasses.replace(state, tip_displacement=float(field.means(own)[0, 0]))
         return self._weighed(state, field)
 
     def pressing(self, state: State, trial: ContactTrial, forces: Floats) -> StepResult:

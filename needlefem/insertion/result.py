@@ -133,7 +133,7 @@ class Rupture:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Ledger:
+class EnergyTerms:
     """Energies of an insertion from its first to its last state, J (J/m in 2D).
 
     `identity` is the largest mismatch of any step between the change of strain energy and the
@@ -200,7 +200,7 @@ class Insertion:
     events : tuple of Event
     seeds : tuple of Seed
         What was released on the way.
-    energies : Ledger, optional
+    energies : EnergyTerms, optional
         Of a motion that was stepped; a march's is found by `insertion.ledger`.
     """
 
@@ -214,7 +214,7 @@ class Insertion:
     evaluations: int
     events: tuple[Event, ...] = ()
     seeds: tuple[Seed, ...] = ()
-    energies: Ledger | None = None
+    energies: EnergyTerms | None = None
 
     @property
     def axis(self) -> InsertionAxis:

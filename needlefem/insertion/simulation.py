@@ -294,7 +294,7 @@ class Simulation:
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
         if max_depth is not None:
             once = dataclasses.replace(once, max_depth=max_depth)
-        return self._run(self.course(entry, once), stop)
+        return self._run(self.insertion_run(entry, once), stop)
 
     def forget(self) -> None:
         """Begin the next march without what the last one learnt."""
@@ -302,21 +302,27 @@ class Simulation:
 
     def move(self, entry: Entry) -> Insertion:
         """Let the needle do at an entry all that the scene's motion says."""
-        return self._run(self.course(entry), None)
+        return self._run(self.insertion_run(entry), None)
 
-    def course(self, entry: Entry, motion: Motion | None = None) -> InsertionRun:
+    def insertion_run(self, entry: Entry, motion: Motion | None = None) -> InsertionRun:
         """Return a motion of the needle, the scene's when left out, ready to run."""
         needle, motion = self.instrument(entry), motion or self.scene.motion
         guide = WarmStart(entry.point)
         if self._guide is not None:
-            guide = self._guide.beside(entry.point, self.scene.needle.tip_radius)
+            guide = self._guide.for_entry(entry.point, self.scene.needle.tip_radius)
         self._guide = guide
         friction = partial(self.friction, entry)
         return InsertionRun(
-            self.scene, motion, needle, self._medium(), self.model, friction=friction, guide=guide
+            self.scene,
+            motion,
+            needle,
+            self._tissue_response(),
+            self.model,
+            friction=friction,
+            guide=guide,
         )
 
-    def _medium(self) -> TissueResponse:
+    def _tissue_response(self) -> TissueResponse:
         """Return the tissue in time; what has inertia or a memory is imported with it."""
         if self.scene.discretisation.integrator in DYNAMIC:
             from needlefem.insertion.inertia import dynamic_response  # noqa: PLC0415

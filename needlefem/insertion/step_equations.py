@@ -254,7 +254,7 @@ class StepEquations:
         shaft, tip = position.shaft, (low, high, depth - float(axis.axial_coordinate(position.tip)))
         forces, slip, apart = rub.solve(shaft.compliance, shaft.free, start, tip)
         self._guess = forces
-        beside = axis.lateral_offset(position.tip) + shaft.beside(forces)
+        beside = axis.lateral_offset(position.tip) + shaft.lateral_tip_displacement(forces)
         gap = -float(apart[-1])
         return StepSolution(position, depth, forces, slip, rub.after(slip), gap, beside)
 

@@ -20,11 +20,11 @@ from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.account import EnergyBalance
 from needlefem.insertion.events import EventLog
 from needlefem.insertion.growth import advance_at_fixed_depth, find_arrest, segment_target
-from needlefem.insertion.moments import loading_state, tell_apart
+from needlefem.insertion.moments import check_stick_resolution, loading_state
 from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.progress import Progress, StepResult
-from needlefem.insertion.result import Ledger, LeftTissueError, Outcome, Rupture, Status
+from needlefem.insertion.result import EnergyTerms, LeftTissueError, Outcome, Rupture, Status
 from needlefem.insertion.skin import press_skin
 from needlefem.insertion.skincrossing import crossing_of_uncut_skin, crossing_on_path
 from needlefem.insertion.state import State, TipPhase
@@ -75,12 +75,12 @@ class TimeStepping:
         self._told_apart = False
 
     @property
-    def account(self) -> EnergyBalance:
+    def energy_balance(self) -> EnergyBalance:
         """The energy ledger so far."""
         return self._progress.account
 
     @property
-    def chronicle(self) -> EventLog:
+    def event_log(self) -> EventLog:
         """Events and seeds so far."""
         return self._progress.chronicle
 
@@ -100,7 +100,7 @@ class TimeStepping:
             yield self._progress.state
             for tick in ticks:
                 if tick.time > self._progress.state.time or tick.releases:
-                    yield from self._tick(tick)
+                    yield from self._take_time_step(tick)
             sentence = f"the motion ended at {100.0 * self._progress.state.depth:.4g} cm"
             self.outcome = Outcome(Status.COMPLETED, sentence)
         except LeftTissueError as error:
@@ -111,18 +111,18 @@ class TimeStepping:
             sentence = f"after {100.0 * self._progress.state.depth:.4g} cm of depth: {error}"
             self.outcome = Outcome(Status.NOT_CONVERGED, sentence)
 
-    def take_over(self, march: PathFollowing, speed: float, spent: Ledger) -> None:
+    def take_over(self, march: PathFollowing, speed: float, spent: EnergyTerms) -> None:
         """Go on where a march ended; see `Progress.take_over`."""
         self._progress.take_over(march, speed, spent)
 
     # a step and what happens in it
 
-    def _tick(self, tick: TimeStep, halvings: int = HALVINGS) -> Iterator[State]:
+    def _take_time_step(self, tick: TimeStep, halvings: int = HALVINGS) -> Iterator[State]:
         now = self._progress.state
         if tick.time > now.time or tick.depth != now.depth:
             self._progress.begin(tick.duration)
             if tick.depth < now.depth and not self._told_apart:
-                tell_apart(self._progress.contact, self._progress.track, self.friction)
+                check_stick_resolution(self._progress.contact, self._progress.track, self.friction)
                 self._told_apart = True
             start = (now.time, now.depth)
             while (now := self._progress.state).time < tick.time or now.depth != tick.depth:
@@ -139,7 +139,7 @@ class TimeStepping:
     ) -> Iterator[State]:
         """Go to the tick's depth, or to where something happens before, if time can be cut."""
         if not self.pieces:
-            yield from self._touch(tick, start, halvings)
+            yield from self._press_skin(tick, start, halvings)
             return
         old, arc, timeless = self._progress.state, self._progress.arc, self.medium.timeless
         equations = self._progress.equations()
@@ -152,7 +152,7 @@ class TimeStepping:
                 new = first_event(equations, old, arc, new) or new
             new = limit_to_segment(equations, new, room)
         if new.way is TipPhase.CUTTING and new.solution is None:
-            yield from self._run_ahead(tick, start)
+            yield from self._rupture(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
             if self._crosses_skin(tick, new.way is TipPhase.OUTSIDE):
@@ -160,7 +160,7 @@ class TimeStepping:
                 if share < 1.0:
                     yield self._accept(self._ended_at(share, tick), tick)
                     return
-            yield from self._settle(found, tick, halvings)
+            yield from self._halve_until_energy_closes(found, tick, halvings)
 
     def _accept(self, found: StepResult, tick: TimeStep) -> State:
         """Accept what was found, and release at the tick's end what is released there.
@@ -170,27 +170,29 @@ class TimeStepping:
         SimulationError
             Contact gives energy in the step.
         """
-        self._refuse_gift(found)
+        self._refuse_energy_gain(found)
         state = self._progress.accept(found)
         if state.time >= tick.time and state.depth == tick.depth and tick.releases:
             return self._progress.release(tick.releases)
         return state
 
-    def _settle(self, found: StepResult, tick: TimeStep, halvings: int) -> Iterator[State]:
+    def _halve_until_energy_closes(
+        self, found: StepResult, tick: TimeStep, halvings: int
+    ) -> Iterator[State]:
         """Accept what was found, or take the step in halves if contact gives too much in it."""
-        if self._gives(found, GIVES) and halvings:
+        if self._gains_energy(found, GIVES) and halvings:
             yield from self._in_halves(tick, halvings)
         else:
             yield self._accept(found, tick)
 
-    def _gives(self, found: StepResult, most: float) -> bool:
+    def _gains_energy(self, found: StepResult, most: float) -> bool:
         """Say whether contact gives more than a part of the turnover in a step."""
-        return found.spent.least < -most * (self.account.turnover + abs(found.spent.work))
+        return found.spent.least < -most * (self.energy_balance.turnover + abs(found.spent.work))
 
-    def _refuse_gift(self, found: StepResult) -> None:
+    def _refuse_energy_gain(self, found: StepResult) -> None:
         """Raise a `SimulationError` if contact gives energy in a step."""
-        if self._gives(found, REFUSED):
-            depth, work = self._progress.state.depth, self.account.turnover
+        if self._gains_energy(found, REFUSED):
+            depth, work = self._progress.state.depth, self.energy_balance.turnover
             share = -found.spent.least / (work + abs(found.spent.work))
             raise SimulationError(
                 f"beyond {depth:.4g} m contact would give energy, {share:.1e} of the work so far: "
@@ -223,19 +225,19 @@ class TimeStepping:
         now, half = self._progress.state, 0.5 * tick.duration
         middle = TimeStep(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
         for part in (middle, tick._replace(duration=half)):
-            yield from self._tick(part, halvings - 1)
+            yield from self._take_time_step(part, halvings - 1)
 
-    def _run_ahead(self, tick: TimeStep, start: tuple[float, float]) -> Iterator[State]:
+    def _rupture(self, tick: TimeStep, start: tuple[float, float]) -> Iterator[State]:
         """Let the tip run on at fixed depth until its force is back at that of cutting."""
         progress, timeless, depth = self._progress, self.medium.timeless, tick.depth
         first, track = progress.count, progress.track
         if timeless:
             depth = min(depth, progress.state.depth + NUDGE * self.instrument.spacing)
-        time, released = tick.time_at(depth, start), self.account.snap
+        time, released = tick.time_at(depth, start), self.energy_balance.snap
         while True:
             equations = progress.equations()
             high, low = segment_target(equations), None
-            step = self._ahead(equations, high, depth)
+            step = self._advanced(equations, high, depth)
             high = step.position.length
             while self.medium.inertial and step.excess_cutting_force > 0.0:
                 low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
@@ -243,17 +245,17 @@ class TimeStepping:
             if step.excess_cutting_force <= 0.0:
                 break
             jump = progress.found(TipTrial(TipPhase.RUPTURE, track.length, depth, step), time)
-            self._refuse_gift(jump)
+            self._refuse_energy_gain(jump)
             yield progress.accept(jump)
         landing = find_arrest(equations, high, depth, low)
         moment = TipTrial(TipPhase.CUTTING, track.length, depth, landing, whole=timeless)
         found = progress.found(moment, time)
         state = self._accept(found, tick)
         self.snaps.append(Rupture(depth, first, progress.count))
-        self.chronicle.record("snap", self.account.snap - released, state)
+        self.event_log.record("snap", self.energy_balance.snap - released, state)
         yield state
 
-    def _ahead(self, equations: StepEquations, length: float, depth: float) -> StepSolution:
+    def _advanced(self, equations: StepEquations, length: float, depth: float) -> StepSolution:
         """Run ahead, as far as there is tissue around the tip."""
         grown = self._progress.track.length - self._progress.track.arcs[-1]
         for _ in range(HALVINGS):
@@ -263,7 +265,9 @@ class TimeStepping:
                 length = 0.5 * (grown + length)
         return advance_at_fixed_depth(equations, length, depth)
 
-    def _touch(self, tick: TimeStep, start: tuple[float, float], halvings: int) -> Iterator[State]:
+    def _press_skin(
+        self, tick: TimeStep, start: tuple[float, float], halvings: int
+    ) -> Iterator[State]:
         """Press on the skin, and cut it."""
         progress, timeless = self._progress, self.medium.timeless
         weights = progress.tip_at_entry
@@ -277,7 +281,9 @@ class TimeStepping:
                 yield self._accept(self._ended_at(share, tick), tick)
                 return
         if found.forces[0] <= 0.0:
-            yield from self._settle(progress.free(time, found.depth), tick, halvings)
+            yield from self._halve_until_energy_closes(
+                progress.free(time, found.depth), tick, halvings
+            )
             return
         trial, forces = found.trial, found.forces
         held = loading_state(progress.track, trial, forces, time, found.depth)
@@ -287,5 +293,5 @@ class TimeStepping:
         if found.punctured:
             progress.puncture(trial, len(forces) - 1)
             at = progress.state if timeless else held
-            self.chronicle.record("puncture", sum(progress.spent), at)
+            self.event_log.record("puncture", sum(progress.spent), at)
         yield from states

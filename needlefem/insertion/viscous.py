@@ -6,7 +6,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Vector
 from needlefem.contact.functionals import ContactSegment
-from needlefem.dynamics import EnergyLedger, KinematicState, TissueSystem
+from needlefem.dynamics import KinematicState, TissueEnergyBalance, TissueSystem
 from needlefem.dynamics.steppers import StaticStepper
 from needlefem.errors import SimulationError
 from needlefem.fem.compliance import ComplianceOperator
@@ -58,7 +58,7 @@ class ViscoelasticResponse:
         assert self._motion is not None
         force = load[self.model.free_dofs]
         new = self._stepper.advance(self._start, self._free + self._stepper.factor.solve(force))
-        ledger = EnergyLedger(self._stepper)
+        ledger = TissueEnergyBalance(self._stepper)
         ledger.add(self._motion, new, self._forces, force, at_once=self._ended)
         for name in ("strain", "stored", "relaxation"):
             self._energies[name] = self._energies.get(name, 0.0) + getattr(ledger, name)

@@ -113,9 +113,17 @@ class _Writer:
         slipping = _slipping(state)
         for number in np.flatnonzero(lengths):
             length = lengths[number]
-            _line(self._shaft, [state.time, ends[number] - length, ends[number],
-                                state.friction_force[number] / length, *state.lateral_force[number] / length,
-                                int(slipping[number])])  # fmt: skip
+            _line(
+                self._shaft,
+                [
+                    state.time,
+                    ends[number] - length,
+                    ends[number],
+                    state.friction_force[number] / length,
+                    *state.lateral_force[number] / length,
+                    int(slipping[number]),
+                ],
+            )
 
 
 def _slipping(state: State) -> Floats:

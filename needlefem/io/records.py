@@ -8,12 +8,12 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
-from needlefem.insertion.result import Insertion, Ledger, Seed, Status
+from needlefem.insertion.result import EnergyTerms, Insertion, Seed, Status
 from needlefem.insertion.trajectory import TipPoint
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.planning.headline import Headline, headline
-from needlefem.planning.result import Barred, Evidence, Plan, Release
-from needlefem.planning.search import Solution
+from needlefem.planning.result import BlockedRelease, Evidence, Plan, Release
+from needlefem.planning.search import SearchResult
 from needlefem.scene import Scene
 from needlefem.scene.meshing import Coordinates
 
@@ -84,7 +84,7 @@ def headline_record(found: Headline) -> dict[str, Any]:
     }
 
 
-def _barred_record(barred: Barred | None) -> dict[str, Any] | None:
+def _barred_record(barred: BlockedRelease | None) -> dict[str, Any] | None:
     if barred is None:
         return None
     return dataclasses.asdict(barred.release) | dataclasses.asdict(barred.passing)
@@ -96,7 +96,7 @@ def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str
         "missing": {**missing, **evidence.missing},
         "discretisation": None if on is None else dataclasses.asdict(on),
         "energy_residual": None if energies is None else energies.residual,
-        "energy": None if energies is None else ledger_record(energies),
+        "energy": None if energies is None else energy_record(energies),
         "validity": None if strains is None else dataclasses.asdict(strains),
         "estimate": None if evidence.estimate is None else dataclasses.asdict(evidence.estimate),
         "trail": [dataclasses.asdict(attempt) for attempt in evidence.trail],
@@ -108,14 +108,14 @@ def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str
     }
 
 
-def search_record(name: str, solution: Solution) -> dict[str, Any]:
+def search_record(name: str, solution: SearchResult) -> dict[str, Any]:
     """Return the heights that a search tried (relative to the target's) and their misses."""
     heights = [height for height, _ in solution.tried]
     misses = [miss for _, miss in solution.tried]
     return {"method": name, "found": solution.found, "heights": heights, "misses": misses}
 
 
-def ledger_record(found: Ledger) -> dict[str, Any]:
+def energy_record(found: EnergyTerms) -> dict[str, Any]:
     """Return the terms of an energy ledger, J (J/m in 2D), and how well it closes."""
     return dataclasses.asdict(found) | {"residual": found.residual, "given": found.given}
 

@@ -52,7 +52,9 @@ def fit_to_contours(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMe
     kept[mesh.boundary_nodes()] = len(known)
     for number, (name, contour) in enumerate(known):
         others = [*(f"the contour of '{other}'" for other in contours), "the tissue's boundary"]
-        moved, on_line = _snap(mesh, contour, kept, [f"the contour of '{name}'", *others])
+        moved, on_line = _move_to_contour(
+            mesh, contour, kept, [f"the contour of '{name}'", *others]
+        )
         moved = _smooth(mesh, moved, on_line, kept >= 0)
         fitted = dataclasses.replace(mesh, doflocs=np.ascontiguousarray(moved.T))
         flipped = np.flatnonzero(np.sign(signed_measures(fitted)) != np.sign(signed_measures(mesh)))
@@ -74,7 +76,9 @@ def _refuse(problem: str, place: Floats) -> NoReturn:
     raise CaseError("mesh.interfaces", f"{problem} at {_text(place)}", remedy)
 
 
-def _snap(mesh: SkfemMesh, contour: Contour, kept: Ints, names: list[str]) -> tuple[Points, Bools]:
+def _move_to_contour(
+    mesh: SkfemMesh, contour: Contour, kept: Ints, names: list[str]
+) -> tuple[Points, Bools]:
     """Return the vertices' places, and which of them are on the contour.
 
     Parameters

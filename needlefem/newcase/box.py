@@ -60,7 +60,7 @@ class Box:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Line:
+class TargetLine:
     """The needle's line: target and direction (shape (2,)), and the target's depth, m."""
 
     target: Vector
@@ -94,7 +94,7 @@ def box_around(contours: Mapping[str, Contour], margin: float, *points: Vector) 
     return Box(low, high)
 
 
-def with_room(box: Box, line: Line) -> Box:
+def with_room(box: Box, line: TargetLine) -> Box:
     """Return the box, larger where the needle's deepest point would leave it.
 
     The face through which the needle enters stays: the end lies on its inner side.
@@ -116,14 +116,14 @@ class BoxDraft:
         ``fitted`` or ``centroid``.
     why : str
         The reason, for a comment.
-    line : Line or None
+    line : TargetLine or None
     """
 
     box: Box
     sizes: Mapping[str, float]
     interfaces: str
     why: str
-    line: Line | None
+    line: TargetLine | None
 
     def text(self) -> str:
         """Return the [mesh] tables."""
@@ -162,7 +162,7 @@ def box_draft(
     box: Box,
     contours: Mapping[str, Contour],
     finest: float,
-    line: Line | None,
+    line: TargetLine | None,
     *,
     key: str,
     remedy: str,
@@ -175,7 +175,7 @@ def box_draft(
     contours : mapping of names to Contour
     finest : float, m
         Smallest size worth having along a contour: a voxel.
-    line : Line or None
+    line : TargetLine or None
         Of the needle, where it is known.
     key, remedy : str
         What gave the contours, and what makes a smaller box or fewer contours.
@@ -222,7 +222,7 @@ def contour_sizes(contours: Mapping[str, Contour], finest: float) -> dict[str, f
 
 
 def _cells(
-    box: Box, contours: Mapping[str, Contour], sizes: Mapping[str, float], line: Line | None
+    box: Box, contours: Mapping[str, Contour], sizes: Mapping[str, float], line: TargetLine | None
 ) -> float:
     """Return about how many cells a box's mesh has, before anything of it is made."""
     cells = 2.0 * float(np.prod(divisions(box)))
@@ -239,7 +239,7 @@ def _contour_size(contour: Contour, finest: float) -> float:
     return float(CORRIDOR_SIZE * 2.0 ** (0.5 * steps))  # bisection ends at such sizes
 
 
-def _width(line: Line | None) -> float:
+def _width(line: TargetLine | None) -> float:
     sideways = LEAST_SIDEWAYS if line is None else line.sideways
     return 2.0 * (sideways + TIP_RADIUS)
 

@@ -13,7 +13,7 @@ from needlefem.casefile.contourfile import ContourTable, read_table
 from needlefem.casefile.openkeys import OPEN
 from needlefem.errors import CaseError
 from needlefem.geometry.contour import Contour
-from needlefem.newcase.box import Box, Line, box_around, box_draft, with_room
+from needlefem.newcase.box import Box, TargetLine, box_around, box_draft, with_room
 from needlefem.newcase.draft import (
     Draft,
     millimetres,
@@ -22,7 +22,7 @@ from needlefem.newcase.draft import (
     point_text,
 )
 from needlefem.newcase.names import different, file_names
-from needlefem.newcase.request import Wanted, direction_of, point_of
+from needlefem.newcase.request import CaseRequest, direction_of, point_of
 from needlefem.units import parse_quantity
 
 UNKNOWN = f'"{OPEN}"'
@@ -32,7 +32,7 @@ FINEST = 0.5e-3
 """Smallest size along a contour, m, where no voxel says more."""
 
 
-def of_contours(paths: Sequence[Path], folder: Path, wanted: Wanted) -> Draft:
+def of_contours(paths: Sequence[Path], folder: Path, wanted: CaseRequest) -> Draft:
     """Return the case that contour files begin: a box around them, a region each.
 
     Coordinates stay those of the files. The skin passes through the entry; where none is given it
@@ -59,7 +59,7 @@ def of_contours(paths: Sequence[Path], folder: Path, wanted: Wanted) -> Draft:
         box = _behind(box, contours, entry, direction)
     line = None
     if target is not None and direction is not None:
-        line = Line(target, direction, box.depth_of(target, direction))
+        line = TargetLine(target, direction, box.depth_of(target, direction))
         box = with_room(box, line)
     remedy = f"check units, --margin, --target and {_farthest(contours)}"
     mesh = box_draft(box, contours, FINEST, line, key="--contour", remedy=remedy)
@@ -111,7 +111,7 @@ def _files(sources: Mapping[str, Path], folder: Path) -> dict[str, str]:
     return staying | file_names(rest, taken=staying.values())
 
 
-def _direction(wanted: Wanted, target: Vector | None, entry: Vector | None) -> Vector | None:
+def _direction(wanted: CaseRequest, target: Vector | None, entry: Vector | None) -> Vector | None:
     if entry is None:
         return direction_of(wanted.direction, 2, "--direction") if wanted.direction else None
     if target is None:
@@ -156,7 +156,7 @@ def _farthest(contours: Mapping[str, Contour]) -> str:
 
 
 def _remarks(
-    wanted: Wanted,
+    wanted: CaseRequest,
     axes: Sequence[str],
     box: Box,
     direction: Vector | None,

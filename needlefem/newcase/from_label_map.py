@@ -13,17 +13,17 @@ from needlefem.errors import CaseError, nearest
 from needlefem.geometry.contour import Contour
 from needlefem.geometry.image_frame import ImageFrame
 from needlefem.image.labelmap import LabelMap, Segment, read_labelmap
-from needlefem.newcase.box import Box, Line, box_around, box_draft, with_room
+from needlefem.newcase.box import Box, TargetLine, box_around, box_draft, with_room
 from needlefem.newcase.draft import Draft, millimetres, planning_text, point_text
 from needlefem.newcase.names import different, file_names
-from needlefem.newcase.request import Wanted, direction_of, point_of
+from needlefem.newcase.request import CaseRequest, direction_of, point_of
 from needlefem.newcase.slicing import cut_sides, needle_plane, outlines
 
 INTO = np.array([0.0, 1.0])
 """Direction of the needle in the case: along its second axis."""
 
 
-def of_labelmap(path: Path, wanted: Wanted) -> Draft:
+def of_labelmap(path: Path, wanted: CaseRequest) -> Draft:
     """Return the case that a label map begins: the plane of the needle, a region a segment.
 
     The case's first axis lies across the needle, its second along it from the skin on. The skin
@@ -46,7 +46,7 @@ def of_labelmap(path: Path, wanted: Wanted) -> Draft:
     corner = np.array([box_around(cut, wanted.around, np.zeros(2)).low[0], -depth])
     frame = dataclasses.replace(frame, origin=tuple(float(x) for x in frame.to_scanner(corner)))
     contours = {name: contour.moved(-corner) for name, contour in cut.items()}
-    line = Line(-corner, INTO, depth)
+    line = TargetLine(-corner, INTO, depth)
     box = box_around(contours, wanted.around, line.target)
     box = with_room(Box(np.zeros(2), box.high), line)
     remedy = "check the spacing of the voxels, --target and --margin, or take fewer --segments"
@@ -104,7 +104,7 @@ def _target(labelmap: LabelMap, text: str) -> Vector:
     return point_of(text, 3, "--target")
 
 
-def _line(labelmap: LabelMap, target: Vector, wanted: Wanted) -> tuple[Vector, float]:
+def _line(labelmap: LabelMap, target: Vector, wanted: CaseRequest) -> tuple[Vector, float]:
     """Return the needle's direction and the depth of the target below the skin, m."""
     if wanted.entry:
         away = target - point_of(wanted.entry, 3, "--entry")

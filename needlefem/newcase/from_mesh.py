@@ -11,12 +11,12 @@ from needlefem.mesh.cell_map import cell_measures, is_simplicial
 from needlefem.mesh.file import read_plane_mesh
 from needlefem.mesh.generation import BACKGROUND
 from needlefem.newcase.draft import Draft, numbers_text, point_text
-from needlefem.newcase.request import Wanted, direction_of, point_of
+from needlefem.newcase.request import CaseRequest, direction_of, point_of
 
 UNKNOWN = f'"{OPEN}"'
 
 
-def of_mesh(path: Path, folder: Path, wanted: Wanted) -> Draft:
+def of_mesh(path: Path, folder: Path, wanted: CaseRequest) -> Draft:
     """Return the case that a mesh file begins.
 
     Every group of cells is a region, and the rest is the background: the cells without a group,

@@ -17,7 +17,7 @@ LENGTHS = (1e-9, 1e9)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Wanted:
+class CaseRequest:
     """The needle and the tissue around, as texts; empty where nothing is said.
 
     Parameters

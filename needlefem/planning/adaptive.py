@@ -3,15 +3,15 @@
 import dataclasses
 
 from needlefem.insertion.simulation import Simulation, Watch
-from needlefem.planning.making import Made, Wanted, make
-from needlefem.planning.result import Attempt, Estimate, Plan, PlanStatus
-from needlefem.planning.sizes import Sizes, finer
+from needlefem.planning.making import PlanAttempt, PlanRequest, attempt_plan
+from needlefem.planning.result import ErrorEstimate, Plan, PlanStatus, RefinementStep
+from needlefem.planning.sizes import MeshSizes, finer
 from needlefem.scene import Scene
 
 
 def make_accurate(
-    scene: Scene, wanted: Wanted, watch: Watch | None = None
-) -> tuple[Made, tuple[Attempt, ...]]:
+    scene: Scene, wanted: PlanRequest, watch: Watch | None = None
+) -> tuple[PlanAttempt, tuple[RefinementStep, ...]]:
     """Return the first plan that is accurate enough, and all discretisations tried.
 
     Each refines what the one before says matters, and starts at its height.
@@ -24,8 +24,10 @@ def make_accurate(
         A discretisation fails a check.
     """
     accuracy, most = scene.planning.accuracy, scene.planning.max_unknowns
-    sizes, trail = Sizes.first(scene), list[Attempt]()
-    made = make(Simulation(sizes.scene(scene, wanted.target), watch=watch), wanted, path=True)
+    sizes, trail = MeshSizes.first(scene), list[RefinementStep]()
+    made = attempt_plan(
+        Simulation(sizes.scene(scene, wanted.target), watch=watch), wanted, path=True
+    )
     while made.plan.status is PlanStatus.PLANNED and made.estimate is not None:
         error = made.estimate
         trail.append(_attempt(made, sizes, error))
@@ -37,7 +39,7 @@ def make_accurate(
         if len(simulation.model.free_dofs) > most:
             made = made._replace(plan=_short(made.plan, error, accuracy, most))
             break
-        made = make(simulation, wanted, made.plan.solution.height, path=True)
+        made = attempt_plan(simulation, wanted, made.plan.solution.height, path=True)
     if made.plan.status is PlanStatus.PLANNED and made.estimate is None:
         made = made._replace(plan=_unknown(made.plan, made.not_estimated, accuracy))
     return made, tuple(trail)
@@ -51,8 +53,8 @@ def _unknown(plan: Plan, why: str, accuracy: float) -> Plan:
     return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)
 
 
-def _attempt(made: Made, sizes: Sizes, error: Estimate) -> Attempt:
-    return Attempt(
+def _attempt(made: PlanAttempt, sizes: MeshSizes, error: ErrorEstimate) -> RefinementStep:
+    return RefinementStep(
         element=made.simulation.model.element.name,
         corridor=sizes.corridor,
         contour=sizes.contour,
@@ -65,7 +67,7 @@ def _attempt(made: Made, sizes: Sizes, error: Estimate) -> Attempt:
     )
 
 
-def _short(plan: Plan, error: Estimate, accuracy: float, most: int) -> Plan:
+def _short(plan: Plan, error: ErrorEstimate, accuracy: float, most: int) -> Plan:
     sentence = (
         f"{1e3 * accuracy:.3g} mm were asked for, {1e3 * error.at_most:.2g} mm are what can be had "
         f"with {most:,} unknowns; ask for less, or allow more by planning.max_unknowns"

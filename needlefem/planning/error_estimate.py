@@ -25,7 +25,7 @@ from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.refine import uniformly_refined
 from needlefem.planning.reading import ROUND_OFF, Reader, at_jump, broke_off, state_at
-from needlefem.planning.result import Estimate, Plan
+from needlefem.planning.result import ErrorEstimate, Plan
 from needlefem.scene import BoxMesh, Scene, vary
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import quadratic
@@ -48,7 +48,7 @@ class NoEstimateError(Exception):
     """The error of a plan can't be estimated; the message says why."""
 
 
-def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estimate:
+def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> ErrorEstimate:
     """Return how far from the target a plan places.
 
     Parameters
@@ -68,17 +68,17 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Estim
     """
     _refuse_unusable(plan)
     finer, how, factor = finer_tissue(simulation)
-    offset = offset_on(finer, simulation, plan)
+    offset = displacement_on(finer, simulation, plan)
     contours = _fitted_to(simulation.scene)
     if contours and finer.model.mesh is not simulation.model.mesh:
         # straight edges cut a contour's corners; that may cancel the rest: the larger counts
         rounder = build_model(finer.scene, uniformly_refined(simulation.model.mesh, contours))
-        other = offset_on(Simulation(finer.scene, rounder), simulation, plan)
+        other = displacement_on(Simulation(finer.scene, rounder), simulation, plan)
         offset = max(offset, other, key=lambda move: float(np.linalg.norm(move)))
     path = path or _long_pieces(simulation.scene)
     by_path = path_error(simulation, plan) if path else None
     error = factor * float(np.linalg.norm(offset)) + (by_path or 0.0)
-    return Estimate(
+    return ErrorEstimate(
         error=error,
         at_most=SAFETY * error,
         path=by_path,
@@ -129,7 +129,7 @@ def _fitted_to(scene: Scene) -> list[Contour]:
     return [region.contour for region in scene.regions.values()]
 
 
-def offset_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
+def displacement_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     """Return how far from where it was planned a release rests on another tissue.
 
     Parameters
@@ -205,7 +205,7 @@ def _carried_out(other: Simulation, plan: Plan) -> Vector:
     depth = float(plan.insertion.axis.axial_coordinate(plan.best.release_point))
     beyond = depth + 3.0 * other.scene.discretisation.path_spacing
     found = other.insert(entry, lambda state: state.depth > beyond)
-    reading = Reader(found, plan.target).at_depth(depth)
+    reading = InsertionReader(found, plan.target).at_depth(depth)
     if reading.reach is None:
         raise NoEstimateError(f"on the tissue to compare with, {reading.sentence}")
     return np.asarray(reading.reach.point - plan.best.placed_at)

@@ -11,10 +11,10 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.entry import Entry
 from needlefem.planning.error_estimate import NoEstimateError, estimate
 from needlefem.planning.planner import Planner
-from needlefem.planning.result import Estimate, Plan
+from needlefem.planning.result import ErrorEstimate, Plan
 
 
-class Clock:
+class Stopwatch:
     """Seconds between laps; laps of one name add up."""
 
     def __init__(self) -> None:
@@ -29,7 +29,7 @@ class Clock:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Wanted:
+class PlanRequest:
     """What to plan for, and how.
 
     Parameters
@@ -38,35 +38,35 @@ class Wanted:
     search : str or None
         See `needlefem.plan`.
     all_solutions : bool
-    clock : Clock
+    clock : Stopwatch
     """
 
     target: Vector
     search: str | None = None
     all_solutions: bool = False
-    clock: Clock = dataclasses.field(default_factory=Clock)
+    clock: Stopwatch = dataclasses.field(default_factory=Stopwatch)
 
 
-class Made(NamedTuple):
+class PlanAttempt(NamedTuple):
     """A plan, what it was made on, and the estimate of its error or why there is none."""
 
     simulation: Simulation
     entry: Entry
     checks: tuple[CheckResult, ...]
     plan: Plan
-    estimate: Estimate | None
+    estimate: ErrorEstimate | None
     not_estimated: str = ""
 
 
-def make(
-    simulation: Simulation, wanted: Wanted, start: Floats | None = None, *, path: bool = False
-) -> Made:
+def attempt_plan(
+    simulation: Simulation, wanted: PlanRequest, start: Floats | None = None, *, path: bool = False
+) -> PlanAttempt:
     """Check the discretisation, plan, and estimate what the discretisation does.
 
     Parameters
     ----------
     simulation : Simulation
-    wanted : Wanted
+    wanted : PlanRequest
     start : array, shape (dim - 1,), m, optional
         Height to begin with.
     path : bool
@@ -94,4 +94,4 @@ def make(
         except NoEstimateError as reason:
             why = str(reason)
         clock.lap("estimate")
-    return Made(simulation, planner.entry, checks, found, error, why)
+    return PlanAttempt(simulation, planner.entry, checks, found, error, why)

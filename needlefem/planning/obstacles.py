@@ -7,7 +7,7 @@ from needlefem._arrays import Vector
 from needlefem.needle.clearance import Interval, Passing, blocked, gaps, merged, passings
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.planning.result import Release
-from needlefem.planning.search import Solution
+from needlefem.planning.search import SearchResult
 from needlefem.scene import Scene
 
 DEEPER = 1e-4
@@ -20,7 +20,7 @@ Find = Callable[[Interval], "Candidate"]
 class Candidate(NamedTuple):
     """What a search ended with: a height and the release there, None if out of reach."""
 
-    solution: Solution
+    solution: SearchResult
     release: Release | None
 
 

@@ -10,13 +10,13 @@ from needlefem._arrays import Vector
 from needlefem.checks.mesh_checks import overlaps
 from needlefem.errors import CaseError
 from needlefem.insertion.discretised import discretised
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.insertion.validity import validity
 from needlefem.planning.headline import with_headline
-from needlefem.planning.making import Clock, Made, Wanted, make
+from needlefem.planning.making import PlanAttempt, PlanRequest, Stopwatch, attempt_plan
 from needlefem.planning.reading import at_jump, broke_off, state_at
-from needlefem.planning.result import Attempt, Evidence, Plan, PlanStatus, Refusal
+from needlefem.planning.result import Evidence, Plan, PlanStatus, RefinementStep, RejectedDirection
 from needlefem.scene import Scene, point_of, vary
 
 
@@ -91,30 +91,30 @@ def _rank(found: Plan) -> tuple[bool, float]:
     return found.status is not PlanStatus.PLANNED, error
 
 
-def _refusal(found: Plan) -> Refusal:
+def _refusal(found: Plan) -> RejectedDirection:
     direction = tuple(found.insertion.axis.direction.tolist())
-    return Refusal(direction, found.status, found.sentence, found.insertions)
+    return RejectedDirection(direction, found.status, found.sentence, found.insertions)
 
 
 def _along(
     scene: Scene, target: Vector, search: str | None, all_solutions: bool, watch: Watch | None
 ) -> Plan:
     """Plan along the scene's direction."""
-    clock = Clock()
-    wanted = Wanted(target=target, search=search, all_solutions=all_solutions, clock=clock)
+    clock = Stopwatch()
+    wanted = PlanRequest(target=target, search=search, all_solutions=all_solutions, clock=clock)
     if scene.planning.accuracy > 0.0:
         from needlefem.planning.adaptive import make_accurate  # noqa: PLC0415
 
         made, trail = make_accurate(scene, wanted, watch)
     else:
-        made, trail = make(Simulation(scene, watch=watch), wanted), ()
+        made, trail = attempt_plan(Simulation(scene, watch=watch), wanted), ()
     evidence = _evidence(made, trail)
     clock.lap("evidence")
     evidence = dataclasses.replace(evidence, timings=clock.laps)
     return with_headline(made.plan, evidence)
 
 
-def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
+def _evidence(made: PlanAttempt, trail: tuple[RefinementStep, ...]) -> Evidence:
     simulation, found = made.simulation, made.plan
     insertion, energies, strains = found.insertion, None, None
     warnings = [*simulation.warnings, *_loose(simulation.scene)]
@@ -126,7 +126,7 @@ def _evidence(made: Made, trail: tuple[Attempt, ...]) -> Evidence:
         why = f"the insertion broke off: {insertion.outcome.sentence}"
         missing |= dict.fromkeys(("energy", "validity"), why)
     else:
-        energies = ledger(insertion)
+        energies = energy_terms(insertion)
         depth = float(insertion.axis.axial_coordinate(found.best.release_point))
         if at_jump(insertion, depth):
             missing["validity"] = "the tip jumps at the depth of the release"

@@ -13,11 +13,11 @@ from needlefem.insertion.state import State
 from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.needle.clearance import Interval
 from needlefem.planning.obstacles import Candidate, Obstacles
-from needlefem.planning.reading import ROUND_OFF, Reader, Reading, Why, limit_sentence
-from needlefem.planning.result import Barred, Plan, PlanStatus, Release
+from needlefem.planning.reading import ROUND_OFF, InsertionReader, Reading, Why, limit_sentence
+from needlefem.planning.result import BlockedRelease, Plan, PlanStatus, Release
 from needlefem.planning.search import (
-    Found,
-    Solution,
+    SearchResult,
+    SearchStatus,
     golden_section,
     grid,
     sign_changes,
@@ -60,7 +60,7 @@ class Planner:
         self.laterals = axis.lateral_directions
         self.obstacles = Obstacles(simulation.scene, axis)
         self._level: Floats = np.zeros(len(self.laterals))
-        self._known: dict[tuple[float, ...], Reader] = {}
+        self._known: dict[tuple[float, ...], InsertionReader] = {}
         self._max_depth = simulation.scene.motion.max_depth
 
     def path(self, height: Floats) -> TipTrajectory:
@@ -71,20 +71,20 @@ class Planner:
         """Return the insertion at a height, to just beyond the target; see `path`."""
         return self.read(height).insertion
 
-    def read(self, height: Floats) -> Reader:
+    def read(self, height: Floats) -> InsertionReader:
         """Return what reads the insertion at a height; see `path`."""
         key = tuple(float(h) for h in height)
         if key not in self._known:
             entry = self.simulation.entry_through(self.target + height @ self.laterals)
             insertion = self.simulation.insert(entry, self._passed(entry.point))
-            self._known[key] = Reader(insertion, self.target)
+            self._known[key] = InsertionReader(insertion, self.target)
         return self._known[key]
 
     def _passed(self, entry: Vector) -> "_Passed":
         direction = self.simulation.direction
         return _Passed(direction, float(direction @ self.target), float(direction @ entry))
 
-    def miss(self, height: Floats) -> Floats | None:
+    def lateral_error(self, height: Floats) -> Floats | None:
         """Return the signed lateral miss at a height; see `search.Miss`."""
         reach = self.read(height).level().reach
         if reach is None:
@@ -172,7 +172,9 @@ class Planner:
         solution = self._search(search, start, within)
         return Candidate(solution, self.release(solution.height, self._best(solution)))
 
-    def _around(self, search: str, free: Candidate) -> tuple[Candidate | None, Barred | None]:
+    def _around(
+        self, search: str, free: Candidate
+    ) -> tuple[Candidate | None, BlockedRelease | None]:
         """Return the best candidate that keeps away from obstacles, and what they barred."""
         barrier = self.obstacles.barrier(free.release)
         if barrier is None or free.release is None:
@@ -181,9 +183,9 @@ class Planner:
         best = self.obstacles.best(
             lambda interval: self._candidate(search, self._level, interval), within, free.release
         )
-        return best, Barred(free.release, barrier)
+        return best, BlockedRelease(free.release, barrier)
 
-    def _search(self, search: str, start: Floats, within: Interval) -> Solution:
+    def _search(self, search: str, start: Floats, within: Interval) -> SearchResult:
         numbers = self.simulation.scene.planning
         if search == "root":
             return self._root(start, within)
@@ -192,42 +194,42 @@ class Planner:
         method = golden_section if search == "golden" else grid
         return method(self.error, *within, numbers.golden_tolerance)
 
-    def _best(self, solution: Solution) -> Reading:
+    def _best(self, solution: SearchResult) -> Reading:
         known = self.read(solution.height)
         # a root is solved level with the target; elsewhere the nearest point counts
         level = known.level()
-        if solution.found is Found.SOLVED and level.reach is not None:
+        if solution.found is SearchStatus.SOLVED and level.reach is not None:
             return level
         return known.nearest()
 
-    def _root(self, start: Floats, within: Interval) -> Solution:
+    def _root(self, start: Floats, within: Interval) -> SearchResult:
         numbers = self.simulation.scene.planning
         most = numbers.max_insertions
-        return signed_root(self.miss, start, within, numbers.tolerance, most)
+        return signed_root(self.lateral_error, start, within, numbers.tolerance, most)
 
-    def _others(self, solution: Solution) -> tuple[float, ...]:
+    def _others(self, solution: SearchResult) -> tuple[float, ...]:
         """Return further heights in the range that hit the target, from a coarse scan."""
         if len(self.laterals) != 1:
             raise CaseError("--all-solutions", "is for 2D scenes", "leave it out")
         low, high = self.simulation.scene.planning.height_range
         found = []
-        for a, b in sign_changes(self.miss, low, high, SCAN):
+        for a, b in sign_changes(self.lateral_error, low, high, SCAN):
             if not a <= float(solution.height[0]) <= b:
                 root = self._root(np.array([0.5 * (a + b)]), (a, b))
                 release = self.release(root.height, self._best(root))
-                if root.found is Found.SOLVED and self.obstacles.barrier(release) is None:
+                if root.found is SearchStatus.SOLVED and self.obstacles.barrier(release) is None:
                     found.append(float(root.height[0]))
         return tuple(found)
 
-    def _judge(self, search: str, solution: Solution) -> tuple[PlanStatus, str]:
+    def _judge(self, search: str, solution: SearchResult) -> tuple[PlanStatus, str]:
         """Put the end of the search into a status and a sentence."""
         numbers = self.simulation.scene.planning
         low, high = numbers.height_range
         missed = f"the best height tried misses by {100 * solution.miss:.3g} cm"
-        if solution.found is Found.UNREACHABLE:
+        if solution.found is SearchStatus.UNREACHABLE:
             failed = [height for height, miss in solution.tried if miss is None or np.isinf(miss)]
             return self._out_of_reach(failed[-1], self.read(failed[-1]).level())
-        if solution.found is Found.SOLVED and search != "root":
+        if solution.found is SearchStatus.SOLVED and search != "root":
             best = self._best(solution)
             if best.why is not None:
                 return self._out_of_reach(solution.height, best)
@@ -237,12 +239,12 @@ class Planner:
                     return self._out_of_reach(solution.height, level)
                 height = float(solution.height[0])
                 inside = min(height - low, high - height) > numbers.golden_tolerance
-                found = Found.NOT_CONVERGED if inside else Found.OUTSIDE_RANGE
+                found = SearchStatus.NOT_CONVERGED if inside else SearchStatus.OUTSIDE_RANGE
                 solution = dataclasses.replace(solution, found=found)
-        if solution.found is Found.SOLVED:
+        if solution.found is SearchStatus.SOLVED:
             left = f"the search leaves {100 * solution.miss:.2g} cm on this model"
             return PlanStatus.PLANNED, left
-        if solution.found is Found.OUTSIDE_RANGE:
+        if solution.found is SearchStatus.OUTSIDE_RANGE:
             where = f"between {100 * low:+.3g} and {100 * high:+.3g} cm of the target's height"
             return PlanStatus.OUTSIDE_RANGE, (
                 f"no height {where} hits the target; {missed}; widen planning.height_range"
@@ -275,9 +277,11 @@ class Planner:
         entry = self.simulation.entry_through(self.target + height @ self.laterals)
         size = float(np.linalg.norm(np.ptp(self.simulation.model.nodes, axis=0)))
         deeper = self.simulation.insert(entry, self._passed(entry.point), max_depth=size)
-        return Reader(deeper, self.target, size).level()
+        return InsertionReader(deeper, self.target, size).level()
 
-    def _judge_barred(self, chosen: Candidate | None, barred: Barred) -> tuple[PlanStatus, str]:
+    def _judge_barred(
+        self, chosen: Candidate | None, barred: BlockedRelease
+    ) -> tuple[PlanStatus, str]:
         """Put what obstacles left of the heights into a status and a sentence."""
         without = barred.sentence
         if chosen is None or chosen.release is None:
@@ -289,7 +293,7 @@ class Planner:
         error, least = chosen.release.placement_error, barred.release.placement_error
         missed = f"misses by {100 * error:.2g} cm"
         close = error <= least + self.simulation.scene.planning.golden_tolerance
-        if chosen.solution.found is Found.SOLVED and close:
+        if chosen.solution.found is SearchStatus.SOLVED and close:
             return PlanStatus.PLANNED, f"{missed} on this model; {without}"
         return PlanStatus.BLOCKED, f"the best height allowed {missed}; {without}"
 

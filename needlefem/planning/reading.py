@@ -56,7 +56,7 @@ def limit_sentence(max_depth: float) -> str:
     return f"motion.max_depth = {100 * max_depth:.4g} cm"
 
 
-class Reader:
+class InsertionReader:
     """Reads an insertion for a target.
 
     Parameters

@@ -8,9 +8,9 @@ from needlefem._arrays import Floats, Vector
 from needlefem.errors import SimulationError
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import Reader
+from needlefem.planning.reading import InsertionReader
 from needlefem.planning.result import Plan
-from needlefem.planning.sizes import Sizes, longest
+from needlefem.planning.sizes import MeshSizes, longest
 from needlefem.scene import Scene, vary
 from needlefem.scene.resolve import cell_shape
 
@@ -41,7 +41,7 @@ def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulati
         pattern = "diagonal" if cells == "triangle" else "quadrilateral"
         scene = vary(scene, {"mesh.pattern": pattern})
     radius = scene.needle.tip_radius
-    sizes = Sizes(
+    sizes = MeshSizes(
         corridor=CORRIDOR * radius,
         contour=CONTOUR * radius,
         bulk=longest(scene) / SQUARES[cells],
@@ -65,11 +65,11 @@ def placed_on(exact: Simulation, plan: Plan) -> Vector | None:
     depth = float(exact.direction @ (plan.best.release_point - entry.point))
     beyond = depth + 3.0 * exact.scene.discretisation.path_spacing
     found = exact.insert(entry, lambda state: state.depth > beyond)
-    reach = Reader(found, plan.target).at_depth(depth).reach
+    reach = InsertionReader(found, plan.target).at_depth(depth).reach
     return None if reach is None else reach.point
 
 
-class Exact:
+class ReferenceSolution:
     """Where releases near a target place on the exact tissue, from a few insertions there.
 
     The placement is smooth in the height: between three insertions at heights that span those of

@@ -7,10 +7,10 @@ from enum import StrEnum
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
 from needlefem.insertion.discretised import Discretised
-from needlefem.insertion.result import Insertion, Ledger
+from needlefem.insertion.result import EnergyTerms, Insertion
 from needlefem.insertion.validity import StrainCheck
 from needlefem.needle.clearance import Passing
-from needlefem.planning.search import Solution
+from needlefem.planning.search import SearchResult
 
 
 class PlanStatus(StrEnum):
@@ -48,7 +48,7 @@ class Release:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Barred:
+class BlockedRelease:
     """The best release without obstacles, and the one that is in its way."""
 
     release: Release
@@ -61,7 +61,7 @@ class Barred:
 
 
 @dataclasses.dataclass(frozen=True)
-class Refusal:
+class RejectedDirection:
     """A direction that was not chosen, why, and how many insertions its search took."""
 
     direction: tuple[float, ...]
@@ -71,7 +71,7 @@ class Refusal:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Estimate:
+class ErrorEstimate:
     """How far from the target the release would place on the exact tissue; an estimate.
 
     Parameters
@@ -99,7 +99,7 @@ class Estimate:
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Attempt:
+class RefinementStep:
     """A discretisation that was tried for an accuracy.
 
     Parameters
@@ -134,13 +134,13 @@ class Evidence:
     ----------
     preflight : tuple of CheckResult
         Checks of the very discretisation, run before planning.
-    ledger : Ledger or None
+    ledger : EnergyTerms or None
         Energies of the planned insertion.
     validity : StrainCheck or None
         Strains at the planned release.
-    estimate : Estimate or None
+    estimate : ErrorEstimate or None
         Of the placement's discretisation error; None if it was not asked for or can't be had.
-    trail : tuple of Attempt
+    trail : tuple of RefinementStep
         Discretisations tried for `planning.accuracy`; the plan is the last one's.
     missing : mapping
         Why something is None that was asked for, by its name in JSON.
@@ -154,10 +154,10 @@ class Evidence:
     """
 
     preflight: tuple[CheckResult, ...]
-    ledger: Ledger | None
+    ledger: EnergyTerms | None
     validity: StrainCheck | None
-    estimate: Estimate | None = None
-    trail: tuple[Attempt, ...] = ()
+    estimate: ErrorEstimate | None = None
+    trail: tuple[RefinementStep, ...] = ()
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
     discretisation: Discretised | None = None
     warnings: tuple[str, ...]
@@ -185,7 +185,7 @@ class Plan:
         Why a release is None, by its name in JSON.
     search : str
         Which search was used.
-    solution : Solution
+    solution : SearchResult
         Heights tried and what they missed by.
     insertions : int
         Insertions spent on the search.
@@ -197,9 +197,9 @@ class Plan:
         Insertions spent on looking for them.
     passings : tuple of Passing
         How near the planned needle comes to the obstacles.
-    barred : Barred or None
+    barred : BlockedRelease or None
         What obstacles stand in the way of; None if of nothing.
-    refusals : tuple of Refusal
+    refusals : tuple of RejectedDirection
         Directions that were tried before this one.
     evidence : Evidence or None
         None from `Planner.plan`, which only searches.
@@ -213,13 +213,13 @@ class Plan:
     depth_only: Release | None
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
     search: str
-    solution: Solution
+    solution: SearchResult
     insertions: int
     insertion: Insertion
     level: Insertion
     other_solutions: tuple[float, ...] | None = None
     scan_insertions: int = 0
     passings: tuple[Passing, ...] = ()
-    barred: Barred | None = None
-    refusals: tuple[Refusal, ...] = ()
+    barred: BlockedRelease | None = None
+    refusals: tuple[RejectedDirection, ...] = ()
     evidence: Evidence | None = None

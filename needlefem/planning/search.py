@@ -19,7 +19,7 @@ Error = Callable[[float], float]
 """Placement error at a height, m; infinite where out of reach."""
 
 
-class Found(StrEnum):
+class SearchStatus(StrEnum):
     """How a search ended."""
 
     SOLVED = "solved"
@@ -29,12 +29,12 @@ class Found(StrEnum):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Solution:
+class SearchResult:
     """A height and how it was found.
 
     Parameters
     ----------
-    found : Found
+    found : SearchStatus
     height : array, shape (dim - 1,), m
         Relative to the target's; the best one tried if nothing was solved.
     miss : float, m
@@ -43,7 +43,7 @@ class Solution:
         In the order of the insertions.
     """
 
-    found: Found
+    found: SearchStatus
     height: Floats
     miss: float
     tried: tuple[tuple[Floats, "Floats | None"], ...]
@@ -51,7 +51,7 @@ class Solution:
 
 def signed_root(
     miss: Miss, start: Floats, within: tuple[float, float], tolerance: float, most: int
-) -> Solution:
+) -> SearchResult:
     """Find the height where the signed miss is zero.
 
     The miss is smooth in the height and grows almost one for one, so that Broyden's method with
@@ -82,25 +82,25 @@ class _Root:
         self._tolerance, self._most = tolerance, most
         self._tried: list[tuple[Floats, Floats | None]] = []
 
-    def run(self, height: Floats) -> Solution:
+    def run(self, height: Floats) -> SearchResult:
         value = self._evaluate(height)
         if value is None:
             first = self._first_reachable(height)
             if first is None:
-                return self._end(Found.UNREACHABLE)
+                return self._end(SearchStatus.UNREACHABLE)
             height, value = first
         jacobian = np.eye(len(height))
         while len(self._tried) < self._most:
             if np.max(np.abs(value)) <= self._tolerance:
-                return self._end(Found.SOLVED)
+                return self._end(SearchStatus.SOLVED)
             wanted = self._guarded(height - np.linalg.solve(jacobian, value))
             if np.array_equal(wanted, height):
-                return self._end(Found.OUTSIDE_RANGE)
+                return self._end(SearchStatus.OUTSIDE_RANGE)
             reached = self._evaluate(wanted)
             if reached is None:
                 retreat = self._between(height, wanted)
                 if retreat is None:
-                    return self._end(Found.UNREACHABLE)
+                    return self._end(SearchStatus.UNREACHABLE)
                 wanted, reached = retreat
             change = wanted - height
             error = reached - value - jacobian @ change
@@ -108,7 +108,7 @@ class _Root:
             if abs(np.linalg.det(jacobian)) < 1e-3:
                 jacobian = np.eye(len(height))
             height, value = wanted, reached
-        return self._end(Found.NOT_CONVERGED)
+        return self._end(SearchStatus.NOT_CONVERGED)
 
     def _evaluate(self, height: Floats) -> Floats | None:
         value = self._miss(height)
@@ -153,15 +153,15 @@ class _Root:
                 return bad, value
         return None
 
-    def _end(self, found: Found) -> Solution:
+    def _end(self, found: SearchStatus) -> SearchResult:
         known = [(h, m) for h, m in self._tried if m is not None]
         if not known:
-            return Solution(found, self._tried[0][0], np.inf, tuple(self._tried))
+            return SearchResult(found, self._tried[0][0], np.inf, tuple(self._tried))
         height, miss = min(known, key=lambda pair: float(np.max(np.abs(pair[1]))))
-        return Solution(found, height, float(np.linalg.norm(miss)), tuple(self._tried))
+        return SearchResult(found, height, float(np.linalg.norm(miss)), tuple(self._tried))
 
 
-def golden_section(error: Error, low: float, high: float, tolerance: float) -> Solution:
+def golden_section(error: Error, low: float, high: float, tolerance: float) -> SearchResult:
     """Minimise a unimodal error over the height, as the paper does (2D).
 
     Ends when the interval is narrower than `tolerance` (m).
@@ -187,20 +187,20 @@ def golden_section(error: Error, low: float, high: float, tolerance: float) -> S
     return _best(tried)
 
 
-def grid(error: Error, low: float, high: float, spacing: float) -> Solution:
+def grid(error: Error, low: float, high: float, spacing: float) -> SearchResult:
     """Minimise any error over a grid of heights (2D)."""
     count = round((high - low) / spacing) + 1
     return _best([(height, error(height)) for height in np.linspace(low, high, count)])
 
 
-def _best(tried: list[tuple[float, float]]) -> Solution:
+def _best(tried: list[tuple[float, float]]) -> SearchResult:
     height, error = tried[0]
     for other in tried[1:]:
         if _less(other[1], error):
             height, error = other
-    found = Found.SOLVED if np.isfinite(error) else Found.UNREACHABLE
+    found = SearchStatus.SOLVED if np.isfinite(error) else SearchStatus.UNREACHABLE
     history = tuple((np.array([h]), np.array([e])) for h, e in tried)
-    return Solution(found, np.array([height]), error, history)
+    return SearchResult(found, np.array([height]), error, history)
 
 
 def _less(one: float, other: float) -> bool:

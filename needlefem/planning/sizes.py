@@ -8,7 +8,7 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.planning.error_estimate import HALVED, NoEstimateError, offset_on, path_error
+from needlefem.planning.error_estimate import HALVED, NoEstimateError, displacement_on, path_error
 from needlefem.planning.result import Plan
 from needlefem.scene import BoxMesh, Scene, one_contour_size, vary
 
@@ -23,7 +23,7 @@ MARGIN = 0.8
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Sizes:
+class MeshSizes:
     """What an accuracy is bought with, m.
 
     Parameters
@@ -40,7 +40,7 @@ class Sizes:
     path: float
 
     @classmethod
-    def first(cls, scene: Scene) -> "Sizes":
+    def first(cls, scene: Scene) -> "MeshSizes":
         """Return the coarsest sizes that a plan is tried with."""
         radius = scene.needle.tip_radius
         spans = [float(np.ptp(r.contour.points, axis=0).min()) for r in scene.regions.values()]
@@ -51,7 +51,7 @@ class Sizes:
             path=0.4 * radius,
         )
 
-    def halved(self, *names: str) -> "Sizes":
+    def halved(self, *names: str) -> "MeshSizes":
         """Return them with some halved."""
         return dataclasses.replace(self, **{name: 0.5 * getattr(self, name) for name in names})
 
@@ -86,7 +86,9 @@ def _box(scene: Scene) -> BoxMesh:
     return scene.mesh
 
 
-def finer(sizes: Sizes, scene: Scene, simulation: Simulation, plan: Plan, share: float) -> Sizes:
+def finer(
+    sizes: MeshSizes, scene: Scene, simulation: Simulation, plan: Plan, share: float
+) -> MeshSizes:
     """Return sizes with which the error falls to a share of what it is, each halved at most once.
 
     What each size does to the placement is measured by halving it alone; what is halved is taken
@@ -97,7 +99,7 @@ def finer(sizes: Sizes, scene: Scene, simulation: Simulation, plan: Plan, share:
     for name in ("corridor", "contour", "bulk") if scene.regions else ("corridor", "bulk"):
         other = Simulation(sizes.halved(name).scene(scene, plan.target))
         try:
-            parts[name] = HALVED * float(np.linalg.norm(offset_on(other, simulation, plan)))
+            parts[name] = HALVED * float(np.linalg.norm(displacement_on(other, simulation, plan)))
         except NoEstimateError:
             chosen.append(name)  # what can't be measured is halved
     wanted = MARGIN * share * sum(parts.values())

@@ -9,7 +9,7 @@ from needlefem.fem.function_space import FunctionSpace
 from needlefem.mesh.generation import BACKGROUND
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.surface import Surface
+from needlefem.plotting.surface import SurfaceMesh
 
 EDGE_LAYER, SKIN_LAYER = 1, 2
 
@@ -27,12 +27,12 @@ class Body:
     ----------
     data : pyvista.PolyData
         What is seen of it, to be coloured before it is drawn.
-    surface : Surface
+    surface : SurfaceMesh
     """
 
     def __init__(self, canvas: Canvas, space: FunctionSpace) -> None:
         self.canvas, self.space = canvas, space
-        self.surface = Surface(space, canvas.behind(space.mesh))
+        self.surface = SurfaceMesh(space, canvas.behind(space.mesh))
         self.data = canvas.polygons(self.surface.rest, self.surface.polygons)
         self._strands = []
         if space.dim == 2:

@@ -112,7 +112,7 @@ def png_of(result: Any) -> bytes | None:
     The needle is at its end, a plan's at its release. None where nothing can draw or there is
     nothing to draw: a notebook then shows the table.
     """
-    from needlefem.plotting.render import Shot, render  # noqa: PLC0415  (pictures are drawn on demand)
+    from needlefem.plotting.render import RenderOptions, render  # noqa: PLC0415  (pictures are drawn on demand)
     from needlefem.plotting.setup_figure import draw_setup  # noqa: PLC0415
 
     if isinstance(result, Scene):
@@ -121,7 +121,7 @@ def png_of(result: Any) -> bytes | None:
     if not isinstance(insertion, Insertion) or len(insertion.states) < 2:
         return None
     depth = _release_depth(result) if isinstance(result, Plan) else None
-    return _drawn(lambda path: render(insertion, path, depth=depth, shot=Shot(size=SIZE)))
+    return _drawn(lambda path: render(insertion, path, depth=depth, shot=RenderOptions(size=SIZE)))
 
 
 def _drawn(draw: Callable[[Path], Path]) -> bytes | None:

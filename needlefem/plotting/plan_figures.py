@@ -11,7 +11,7 @@ from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.trajectory import TipTrajectory as CutPath
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import Reader, broke_off
+from needlefem.planning.reading import InsertionReader, broke_off
 from needlefem.planning.result import Plan
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.charts import Axis, Chart
@@ -144,7 +144,10 @@ def _closest(insertion: Insertion, target: Vector) -> tuple[float, float, float]
 
     None where the insertion broke off, or the skin is not cut.
     """
-    reach, lateral = Reader(insertion, target).nearest().reach, insertion.axis.lateral_directions[0]
+    reach, lateral = (
+        InsertionReader(insertion, target).nearest().reach,
+        insertion.axis.lateral_directions[0],
+    )
     if reach is None:
         return None
     apart = reach.point - target

@@ -16,7 +16,7 @@ TOP = 99.5
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Quantity:
+class FieldQuantity:
     """A field to show.
 
     Parameters
@@ -62,26 +62,26 @@ def _validity(cells: CellFields, u: Floats) -> Floats:
 
 
 QUANTITIES = {
-    "displacement": Quantity(
+    "displacement": FieldQuantity(
         label="displacement (mm)", factor=1e3, values=_displacement, nodal=True
     ),
-    "strain": Quantity(
+    "strain": FieldQuantity(
         label="largest strain (%)", factor=1e2, values=lambda cells, u: cells.largest_strain(u)
     ),
-    "von-mises": Quantity(
+    "von-mises": FieldQuantity(
         label="von Mises stress (kPa)", factor=1e-3, values=lambda cells, u: cells.von_mises(u)
     ),
-    "pressure": Quantity(
+    "pressure": FieldQuantity(
         label="pressure (kPa)", factor=1e-3, values=lambda c, u: c.pressure(u), signed=True
     ),
-    "validity": Quantity(
+    "validity": FieldQuantity(
         label=f"strain / {LARGE_STRAIN:g} (1)", factor=1.0, values=_validity,
         note="small strain holds up to 1; orange: folded cells",
     ),
 }  # fmt: skip
 
 
-def quantity(name: str) -> Quantity:
+def quantity(name: str) -> FieldQuantity:
     """Return a quantity by name.
 
     Raises
@@ -94,7 +94,7 @@ def quantity(name: str) -> Quantity:
     return QUANTITIES[name]
 
 
-def scale_of(shown: Quantity, values: Sequence[Floats]) -> Scale:
+def scale_of(shown: FieldQuantity, values: Sequence[Floats]) -> Scale:
     """Return the scale that pictures of some values share."""
     finite = np.concatenate([found[np.isfinite(found)] for found in values])
     size = np.abs(finite) if finite.size else np.zeros(1)

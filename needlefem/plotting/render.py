@@ -15,8 +15,8 @@ from needlefem.plotting.images import Image, save, save_moving, save_still
 from needlefem.plotting.quantities import quantity, scale_of
 from needlefem.plotting.style import Style
 from needlefem.plotting.texture import Texture, read_texture, synthetic_ultrasound
-from needlefem.plotting.timeline import Film, Moment
-from needlefem.plotting.view import Look, View
+from needlefem.plotting.timeline import Frame, Timeline
+from needlefem.plotting.view import View, ViewOptions
 from needlefem.scene.limits import check_count
 
 SYNTHETIC = "synthetic"
@@ -24,7 +24,7 @@ SYNTHETIC = "synthetic"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Shot:
+class RenderOptions:
     """What a picture shows, and how large.
 
     Parameters
@@ -51,7 +51,7 @@ def render(
     depth: float | None = None,
     time: float | None = None,
     beside: Insertion | None = None,
-    shot: Shot | None = None,
+    shot: RenderOptions | None = None,
 ) -> Path:
     """Draw tissue, needle, path, seeds and target at one time into a picture.
 
@@ -65,7 +65,7 @@ def render(
     time : float, s, optional
     beside : Insertion, optional
         Drawn on the right, at the same time or depth, in the same colours.
-    shot : Shot, optional
+    shot : RenderOptions, optional
 
     Raises
     ------
@@ -76,19 +76,19 @@ def render(
     """
     films = _films(insertion, beside)
     times = [_time(film, depth, time) for film in films]
-    with Studio(films, shot or Shot(), scale_times=[[t] for t in times]) as studio:
+    with Renderer(films, shot or RenderOptions(), scale_times=[[t] for t in times]) as studio:
         image = studio.picture([film.moments([t])[0] for film, t in zip(films, times, strict=True)])
     return save_still(image, Path(path))
 
 
-def _time(film: Film, depth: float | None, time: float | None) -> float:
+def _time(film: Timeline, depth: float | None, time: float | None) -> float:
     if time is not None:
         return time
     return float(film.times[-1]) if depth is None else film.time_at(depth)
 
 
-def _films(insertion: Insertion, beside: Insertion | None) -> list[Film]:
-    return [Film(found) for found in (insertion, beside) if found is not None]
+def _films(insertion: Insertion, beside: Insertion | None) -> list[Timeline]:
+    return [Timeline(found) for found in (insertion, beside) if found is not None]
 
 
 def animate(
@@ -98,7 +98,7 @@ def animate(
     frames: int = 60,
     rate: float = 12.0,
     beside: Insertion | None = None,
-    shot: Shot | None = None,
+    shot: RenderOptions | None = None,
 ) -> Path:
     """Draw the whole motion into an animation (.gif, .webp, or .mp4 with the extra `video`).
 
@@ -108,20 +108,20 @@ def animate(
     films = _films(insertion, beside)
     check_count(frames, "frames", insertion.scene.limits)
     times = frame_times(films, frames)
-    with Studio(films, shot or Shot(), scale_times=[times] * len(films)) as studio:
+    with Renderer(films, shot or RenderOptions(), scale_times=[times] * len(films)) as studio:
         return save_moving(studio.pictures(times), Path(path), rate)
 
 
-def frame_times(films: Sequence[Film], frames: int) -> Floats:
+def frame_times(films: Sequence[Timeline], frames: int) -> Floats:
     """Return the times of frames, s, evenly spaced from start to the end of the longest."""
     return np.linspace(0.0, max(float(film.times[-1]) for film in films), max(frames, 2))
 
 
 def panels(
-    insertion: Insertion, path: str | Path, *, count: int = 6, shot: Shot | None = None
+    insertion: Insertion, path: str | Path, *, count: int = 6, shot: RenderOptions | None = None
 ) -> Path:
     """Draw moments evenly spaced in time beside one another; see `render`."""
-    shot, film = shot or Shot(), Film(insertion)
+    shot, film = shot or RenderOptions(), Timeline(insertion)
     check_count(count, "panels", insertion.scene.limits)
     times = frame_times([film], count)
     across = min(3, len(times))
@@ -135,19 +135,22 @@ def panels(
     return save(plotter, Path(path))
 
 
-class Studio:
+class Renderer:
     """One plotter for all pictures of some insertions, side by side.
 
     Parameters
     ----------
-    films : sequence of Film
-    shot : Shot
+    films : sequence of Timeline
+    shot : RenderOptions
     scale_times : sequence of sequences, s
         Times of each film whose values the colours must cover.
     """
 
     def __init__(
-        self, films: Sequence[Film], shot: Shot, scale_times: Sequence[Sequence[float] | Floats]
+        self,
+        films: Sequence[Timeline],
+        shot: RenderOptions,
+        scale_times: Sequence[Sequence[float] | Floats],
     ) -> None:
         self.films = tuple(films)
         self.plotter = _plotter(shot, shot.size, (1, len(films)))
@@ -158,13 +161,13 @@ class Studio:
             self.plotter.subplot(0, number)
             self.views.append(View(self.plotter, film, look, film.insertion.scene.title))
 
-    def __enter__(self) -> "Studio":
+    def __enter__(self) -> "Renderer":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.plotter.close()
 
-    def picture(self, moments: Sequence[Moment]) -> Image:
+    def picture(self, moments: Sequence[Frame]) -> Image:
         """Return a picture of one moment of every film."""
         for view, moment in zip(self.views, moments, strict=True):
             view.show(moment)
@@ -179,28 +182,32 @@ class Studio:
 
 
 def looks(
-    films: Sequence[Film], shot: Shot, times: Sequence[Sequence[float] | Floats]
-) -> list[Look]:
+    films: Sequence[Timeline], shot: RenderOptions, times: Sequence[Sequence[float] | Floats]
+) -> list[ViewOptions]:
     """Return how each of some films is shown, all with the same scale."""
     if shot.texture:
-        return [Look(texture=_texture(film, shot.texture), style=shot.style) for film in films]
+        return [
+            ViewOptions(texture=_texture(film, shot.texture), style=shot.style) for film in films
+        ]
     if not shot.field:
-        return [Look(style=shot.style) for _ in films]
+        return [ViewOptions(style=shot.style) for _ in films]
     shown, values = quantity(shot.field), []
     for film, moments in zip(films, times, strict=True):
         cells = CellFields(film.model)
         values += [shown.of(cells, moment.u) for moment in film.moments(moments)]
-    return [Look(field=shown, scale=scale_of(shown, values), style=shot.style) for _ in films]
+    return [
+        ViewOptions(field=shown, scale=scale_of(shown, values), style=shot.style) for _ in films
+    ]
 
 
-def _texture(film: Film, name: str) -> Texture:
+def _texture(film: Timeline, name: str) -> Texture:
     if name != SYNTHETIC:
         return read_texture(name)
     insertion = film.insertion
     return synthetic_ultrasound(insertion.scene, insertion.model, insertion.axis)
 
 
-def _plotter(shot: Shot, size: tuple[int, int], shape: tuple[int, int]) -> Any:
+def _plotter(shot: RenderOptions, size: tuple[int, int], shape: tuple[int, int]) -> Any:
     plotter = renderer().Plotter(off_screen=True, shape=shape, window_size=list(size), border=False)
     plotter.set_background(shot.style.background)
     return plotter

@@ -11,7 +11,7 @@ from needlefem._arrays import Ints, Points
 from needlefem.checks.reference_problem import Shape
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import THINNEST
-from needlefem.plotting.surface import Surface
+from needlefem.plotting.surface import SurfaceMesh
 
 SIZE = (900, 640)
 MOST_EDGES = 5000
@@ -27,7 +27,7 @@ def picture(shape: Shape) -> str:
         Nothing here can draw.
     """
     pv = renderer()
-    seen = Surface(shape.solution.space)
+    seen = SurfaceMesh(shape.solution.space)
     moved = seen.displaced(shape.solution.u)
     at = _flat(seen.rest + shape.magnified * moved)
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE), border=False)

@@ -9,7 +9,7 @@ from needlefem.insertion.result import Insertion
 from needlefem.io.files import writing
 from needlefem.io.result_folder import ours, result_folder
 from needlefem.io.vtu import write_pvd, write_vtu
-from needlefem.plotting.timeline import Film
+from needlefem.plotting.timeline import Timeline
 from needlefem.scene.limits import check_count
 
 DIGITS = 4
@@ -30,7 +30,7 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
     count : int
         At least two.
     """
-    film, model, folder = Film(insertion), insertion.model, Path(folder)
+    film, model, folder = Timeline(insertion), insertion.model, Path(folder)
     values = CellFields(model)
     written = []
     check_count(count, "snapshots", insertion.scene.limits)

@@ -15,8 +15,8 @@ from needlefem.plotting.images import save
 from needlefem.plotting.panel import Panel, Window
 from needlefem.plotting.style import Style
 from needlefem.plotting.texture import synthetic_ultrasound
-from needlefem.plotting.timeline import Film, Moment
-from needlefem.plotting.view import Look, TissueView
+from needlefem.plotting.timeline import Frame, Timeline
+from needlefem.plotting.view import TissueView, ViewOptions
 from needlefem.scene import Scene
 
 SIZE = (1600, 2360)
@@ -27,10 +27,10 @@ class _Column:
     """One column of the stages: an insertion, its release, how it is shown."""
 
     title: str
-    film: Film
+    film: Timeline
     release: Release
     target: Vector
-    look: Look
+    look: ViewOptions
     error: str
 
     @property
@@ -53,11 +53,11 @@ def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = Fals
     if plan.best is None:
         raise ValueError("a plan without a release has no stages")
     style = Style()
-    look = Look(style=style)
+    look = ViewOptions(style=style)
     if ultrasound:
         level = plan.level
         texture = synthetic_ultrasound(scene, level.model, level.axis)
-        look = Look(style=style, texture=texture)
+        look = ViewOptions(style=style, texture=texture)
     columns = _columns(plan, look)
     size = [SIZE[0] * len(columns) // 2, SIZE[1]]
     plotter = renderer().Plotter(
@@ -72,13 +72,13 @@ def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = Fals
     return save(plotter, path)
 
 
-def _columns(plan: Plan, look: Look) -> list[_Column]:
+def _columns(plan: Plan, look: ViewOptions) -> list[_Column]:
     """Return what is shown side by side: without the plan, if that is known, and with it."""
     first, found = headline(plan), []
     if plan.unplanned is not None:
         found.append(
             _Column(
-                title="without planning", film=Film(plan.level), release=plan.unplanned,
+                title="without planning", film=Timeline(plan.level), release=plan.unplanned,
                 target=plan.target, look=look,
                 error=f"placement error {100.0 * plan.unplanned.placement_error:.2f} cm",
             )
@@ -89,14 +89,14 @@ def _columns(plan: Plan, look: Look) -> list[_Column]:
             error = f"{plan.status}: misses by {100.0 * plan.best.placement_error:.2g} cm"
         found.append(
             _Column(
-                title="with planning", film=Film(plan.insertion), release=plan.best,
+                title="with planning", film=Timeline(plan.insertion), release=plan.best,
                 target=plan.target, look=look, error=error,
             )
         )  # fmt: skip
     return found
 
 
-def _tissue(canvas: Canvas, panel: Panel, column: _Column, moment: Moment) -> None:
+def _tissue(canvas: Canvas, panel: Panel, column: _Column, moment: Frame) -> None:
     TissueView(canvas, column.film, column.look).show(moment)
     if column.look.note:
         panel.note(column.look.note)

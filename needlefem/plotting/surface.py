@@ -12,7 +12,7 @@ FEWEST, MOST = 2, 6
 """Parts of a curved edge: at least through its middle node."""
 
 
-class Surface:
+class SurfaceMesh:
     """The faces of a mesh that are seen, and their edges.
 
     Of plane tissue these are the cells, of tissue in space the outer faces of its cells:

@@ -16,7 +16,7 @@ ROW, BAR, LONGEST, LETTER = 19.0, 12.0, 290.0, 6.6
 
 
 @dataclasses.dataclass(frozen=True)
-class Line:
+class ChartLine:
     """A named line of positive numbers; `ringed` are the places of points that stand out."""
 
     name: str
@@ -54,7 +54,7 @@ class _Axis:
 
 
 def loglog(
-    title: str, x_label: str, y_label: str, lines: Sequence[Line], slopes: Sequence[float] = ()
+    title: str, x_label: str, y_label: str, lines: Sequence[ChartLine], slopes: Sequence[float] = ()
 ) -> str:
     """Return a chart; `slopes` are drawn as triangles: what theory says of the lines.
 
@@ -144,7 +144,7 @@ def _frame(title: str, x_label: str, y_label: str, across: _Axis, up: _Axis) -> 
     return parts
 
 
-def _line(number: int, line: Line, across: _Axis, up: _Axis) -> list[str]:
+def _line(number: int, line: ChartLine, across: _Axis, up: _Axis) -> list[str]:
     colour = COLOURS[number % len(COLOURS)]
     dash = DASHES[(number // 2) % len(DASHES)]
     points = [(across.at(x), up.at(y)) for x, y in zip(line.x, line.y, strict=True)]

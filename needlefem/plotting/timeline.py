@@ -16,7 +16,7 @@ CHUNK = 64
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Moment:
+class Frame:
     """Needle and tissue at one time.
 
     Parameters
@@ -44,7 +44,7 @@ class Moment:
     seeds: Points
 
 
-class Film:
+class Timeline:
     """An insertion as moments; between states all is linear in time.
 
     Parameters
@@ -88,7 +88,7 @@ class Film:
         pair = slice(after - 1, after + 1)
         return float(np.interp(depth, depths[pair], self.times[pair]))
 
-    def moments(self, times: Sequence[float] | Floats) -> list[Moment]:
+    def moments(self, times: Sequence[float] | Floats) -> list[Frame]:
         """Return the moments at some times, s; those outside the motion are moved to its ends."""
         times = np.clip(np.asarray(times, dtype=float), self.times[0], self.times[-1])
         last = len(self.times) - 1
@@ -106,12 +106,12 @@ class Film:
             for t, b, a, s in zip(times, before.tolist(), after.tolist(), share, strict=True)
         ]
 
-    def undeformed(self) -> Moment:
+    def undeformed(self) -> Frame:
         """Return the moment before the needle touches anything."""
         nothing = np.zeros((self.model.ndofs, 2))
         return self._moment(0.0, 0, 0, 0.0, nothing)
 
-    def _moment(self, time: float, before: int, after: int, share: float, pair: Floats) -> Moment:
+    def _moment(self, time: float, before: int, after: int, share: float, pair: Floats) -> Frame:
         mix = np.array([1.0 - share, share])
         u: Floats = pair @ mix
         nodal, states = self.model.nodal(u), self.insertion.states
@@ -124,7 +124,7 @@ class Film:
         seeds, there = (other if share == 1.0 else one).seeds, len(one.seeds)
         if share < 1.0 and there:
             seeds = mix[0] * one.seeds + mix[1] * other.seeds[:there]
-        return Moment(
+        return Frame(
             time=time,
             depth=float(mix @ [one.depth, other.depth]),
             force=float(mix @ [one.force, other.force]),

@@ -12,7 +12,7 @@ from needlefem.checks.reference_problem import Curve, Report, Verdict
 from needlefem.errors import NoRendererError
 from needlefem.io.files import whole_file, write_json
 from needlefem.plotting.shape_pictures import picture
-from needlefem.plotting.svg_charts import Line, loglog
+from needlefem.plotting.svg_charts import ChartLine, loglog
 
 PACKAGES = ("needlefem", "scikit-fem", "numpy", "scipy")
 STYLE = """
@@ -59,7 +59,7 @@ def record(reports: Sequence[Report], *, quick: bool) -> dict[str, Any]:
                 "name": report.problem.name,
                 "requirement": report.problem.requirement,
                 "reference": report.problem.reference,
-                "why": report.problem.why,
+                "why": report.problem.tolerance_rationale,
                 "seconds": report.seconds,
                 "answers": [_answer(verdict) for verdict in report.verdicts],
                 "curves": [
@@ -152,7 +152,7 @@ def _problem(report: Report) -> str:
     facts = {
         "requirement": problem.requirement,
         "reference": problem.reference,
-        "tolerance": problem.why,
+        "tolerance": problem.tolerance_rationale,
         "time": f"{report.seconds:.1f} s",
     }
     listed = "".join(f"<dt>{key}</dt><dd>{escape(text)}</dd>" for key, text in facts.items())
@@ -195,8 +195,8 @@ def _charts(curves: Sequence[Curve]) -> str:
         some = [curve for curve in curves if curve.quantity == quantity and len(curve.errors) > 1]
         for group in [some[i : i + 8] for i in range(0, len(some), 8)]:
             slopes = [-0.5 * curve.order for curve in group if curve.order is not None]
-            by_dofs = [Line(c.element, c.dofs, c.errors) for c in group]
-            by_time = [Line(c.element, c.seconds, c.errors) for c in group]
+            by_dofs = [ChartLine(c.element, c.dofs, c.errors) for c in group]
+            by_time = [ChartLine(c.element, c.seconds, c.errors) for c in group]
             name = f"relative error, {quantity}"
             parts.append(loglog("Error over unknowns", "unknowns", name, by_dofs, slopes))
             parts.append(loglog("Error over time", "seconds", name, by_time))

@@ -10,22 +10,22 @@ from needlefem.fem.recovery import CellFields
 from needlefem.plotting.body import Body
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.panel import Panel, Scale, Window
-from needlefem.plotting.quantities import Quantity
+from needlefem.plotting.quantities import FieldQuantity
 from needlefem.plotting.style import Style
 from needlefem.plotting.texture import Texture
-from needlefem.plotting.timeline import Film, Moment
+from needlefem.plotting.timeline import Frame, Timeline
 
 BEHIND = 0.3
 """Of the tissue's length along the needle, that is shown of the space that the needle is in."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Look:
+class ViewOptions:
     """What a picture shows of the tissue.
 
     Parameters
     ----------
-    field : Quantity, optional
+    field : FieldQuantity, optional
         Colours by this; by region when left out.
     scale : Scale, optional
         Of the field.
@@ -34,7 +34,7 @@ class Look:
     style : Style
     """
 
-    field: Quantity | None = None
+    field: FieldQuantity | None = None
     scale: Scale | None = None
     texture: Texture | None = None
     style: Style = dataclasses.field(default_factory=Style)
@@ -53,11 +53,11 @@ class TissueView:
     Parameters
     ----------
     canvas : Canvas
-    film : Film
-    look : Look
+    film : Timeline
+    look : ViewOptions
     """
 
-    def __init__(self, canvas: Canvas, film: Film, look: Look) -> None:
+    def __init__(self, canvas: Canvas, film: Timeline, look: ViewOptions) -> None:
         self.canvas, self.film, self.look = canvas, film, look
         self._cells = CellFields(film.model) if look.field and not look.field.nodal else None
         self._body = Body(canvas, film.model)
@@ -74,7 +74,7 @@ class TissueView:
             return style.on_field
         return style.outline if self.look.texture is None else style.on_image
 
-    def _draw(self, start: Moment) -> None:
+    def _draw(self, start: Frame) -> None:
         look, body = self.look, self._body
         if look.texture is not None:
             found = look.texture.coordinates(self.canvas, body.surface.rest)
@@ -99,7 +99,7 @@ class TissueView:
         else:
             body.data.cell_data["field"] = field.of(cells, u)[body.surface.cells]
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: Frame) -> None:
         """Move to a moment."""
         self._write_field(moment.u, self._body.to(moment.u))
         for line, ring in zip(self._lines, moment.contours, strict=True):
@@ -112,15 +112,20 @@ class View:
     Parameters
     ----------
     plotter : pyvista.Plotter
-    film : Film
-    look : Look
+    film : Timeline
+    look : ViewOptions
     title : str
     window : Window, optional
         What is shown; the whole tissue when left out.
     """
 
     def __init__(
-        self, plotter: Any, film: Film, look: Look, title: str, window: Window | None = None
+        self,
+        plotter: Any,
+        film: Timeline,
+        look: ViewOptions,
+        title: str,
+        window: Window | None = None,
     ) -> None:
         self.film, self.look = film, look
         self.canvas = Canvas(plotter, film.insertion.axis, look.style)
@@ -158,7 +163,7 @@ class View:
         ]
         self._nowhere: Vector = home - 50.0 * reach * axis.direction
 
-    def show(self, moment: Moment) -> None:
+    def show(self, moment: Frame) -> None:
         """Move everything to a moment, and write its time, depth and force."""
         canvas = self.canvas
         self._tissue.show(moment)
@@ -175,7 +180,7 @@ class View:
         rest = np.repeat(path[-1:], self._path_size - len(path), axis=0)
         return np.vstack([path, rest])
 
-    def caption(self, moment: Moment) -> str:
+    def caption(self, moment: Frame) -> str:
         """Return time, depth and force as text."""
         solid = self.film.model.dim == 3
         force = f"{moment.force:.2f} N" if solid else f"{moment.force:.0f} N/m"
@@ -183,7 +188,7 @@ class View:
         return f"{moment.time:.2f} s, {depth}, force {force}"
 
 
-def whole(canvas: Canvas, film: Film) -> Window:
+def whole(canvas: Canvas, film: Timeline) -> Window:
     """Return the window of the whole tissue and some of the space behind the needle's entry."""
     corners = canvas.screen(film.model.mesh.p.T)
     reach = float(np.ptp(corners[:, 0]))

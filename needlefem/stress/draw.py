@@ -14,7 +14,7 @@ from needlefem.elements import CATALOGUE
 from needlefem.stress.drawlaws import draw_law
 from needlefem.stress.drawmesh import draw_grid, grid_of_file
 from needlefem.stress.drawmotion import draw_motion, draw_time
-from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, Quantity
+from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, DrawnQuantity
 
 Random = np.random.Generator
 
@@ -26,12 +26,12 @@ PLAN_SHARE = 0.15
 """Share of the scenes in which a target is planned for."""
 
 
-def length(value: float) -> Quantity:
+def length(value: float) -> DrawnQuantity:
     """Return a length, m."""
-    return Quantity(float(value), "length")
+    return DrawnQuantity(float(value), "length")
 
 
-def point(values: Floats) -> list[Quantity]:
+def point(values: Floats) -> list[DrawnQuantity]:
     """Return a point of a case, m."""
     return [length(value) for value in values]
 
@@ -208,9 +208,11 @@ class _Draw:
         stiffness = self.modulus / self.radius
         needle: dict[str, Any] = {
             "tip_radius": length(self.radius),
-            "cutting_force": Quantity(force, "force per length"),
-            "shaft_friction": Quantity(friction, "pressure"),
-            "lateral_stiffness": Quantity(stiffness * power(random, 1.3, 3.0), "force per volume"),
+            "cutting_force": DrawnQuantity(force, "force per length"),
+            "shaft_friction": DrawnQuantity(friction, "pressure"),
+            "lateral_stiffness": DrawnQuantity(
+                stiffness * power(random, 1.3, 3.0), "force per volume"
+            ),
         }
         law = {"kinetic": 0.62, "static with weakening": 0.25, "static": 0.05, "compliant": 0.08}
         kind = self.kind("friction", law)
@@ -220,15 +222,15 @@ class _Draw:
             needle["weakening_length"] = length(self.radius * power(random, -0.5, 1.0))
         if kind == "compliant" or (kind.startswith("static") and random.random() < 0.3):
             found = stiffness * power(random, 0.5, 2.5)
-            needle["stick_stiffness"] = Quantity(found, "force per volume")
+            needle["stick_stiffness"] = DrawnQuantity(found, "force per volume")
         self.data["needle"] = needle
         for region in self.data["regions"].values():
             if random.random() < 0.5:
                 own = force * power(random, -0.5, 0.5)
-                region["cutting_force"] = Quantity(own, "force per length")
+                region["cutting_force"] = DrawnQuantity(own, "force per length")
             if random.random() < 0.5:
                 own = friction * power(random, -0.5, 0.5)
-                region["shaft_friction"] = Quantity(own, "pressure")
+                region["shaft_friction"] = DrawnQuantity(own, "pressure")
 
     def _method(self, command: str) -> None:
         random, data = self.random, self.data
@@ -255,7 +257,7 @@ class _Draw:
         motion: dict[str, Any] = {
             "direction": [float(x) for x in self.turn @ self.direction],
             "max_depth": length(self.depth),
-            "speed": Quantity(self.speed, "speed"),
+            "speed": DrawnQuantity(self.speed, "speed"),
         }
         data["motion"] = motion
         if command == "plan":
@@ -297,7 +299,7 @@ class _Draw:
             "divisions": [round(float(n)) for n in divisions],
             "pattern": grid.pattern,
         }
-        refine: dict[str, Quantity] = {}
+        refine: dict[str, DrawnQuantity] = {}
         if self.inclusions and random.random() < 0.3 and self._roomy():
             data["mesh"]["interfaces"] = "fitted"
             refine["contour_size"] = length(0.3 * grid.coarse_size)

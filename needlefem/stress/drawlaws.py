@@ -6,7 +6,7 @@ import numpy as np
 
 from needlefem.errors import CaseError
 from needlefem.materials import law_class
-from needlefem.stress.drawncase import Quantity
+from needlefem.stress.drawncase import DrawnQuantity
 
 LEAST_EIGENVALUE = 0.02
 """Of the compliance over its largest: the laws that are drawn are well away from the limits."""
@@ -40,23 +40,23 @@ def draw_law(
             if values[0] > LEAST_EIGENVALUE * values[-1]:
                 break
         written = {
-            key: Quantity(float(value), "pressure") if key in _PRESSURES else value
+            key: DrawnQuantity(float(value), "pressure") if key in _PRESSURES else value
             for key, value in plain.items()
         }
-        written["density"] = Quantity(1000.0, "density")
+        written["density"] = DrawnQuantity(1000.0, "density")
         return {"law": law, **{key: _listed(value) for key, value in written.items()}}
     found: dict[str, Any] = {
         "law": law,
-        "youngs_modulus": Quantity(modulus, "pressure"),
+        "youngs_modulus": DrawnQuantity(modulus, "pressure"),
         "poissons_ratio": _ratio(random, limit),
-        "density": Quantity(float(random.uniform(900.0, 1100.0)), "density"),
+        "density": DrawnQuantity(float(random.uniform(900.0, 1100.0)), "density"),
     }
     if law == "viscoelastic":
         count = int(random.integers(1, 4))
         shares = random.uniform(0.1, 0.8) * random.dirichlet(np.ones(count))
         found["shares"] = [float(share) for share in shares]
         times = duration * 10.0 ** random.uniform(-1.0, 1.0, count)
-        found["times"] = [Quantity(float(time), "time") for time in times]
+        found["times"] = [DrawnQuantity(float(time), "time") for time in times]
     return found
 
 
@@ -96,4 +96,6 @@ def _direction(angle: float) -> tuple[float, float]:
 
 
 def _listed(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) and not isinstance(value, Quantity) else value
+    return (
+        list(value) if isinstance(value, tuple) and not isinstance(value, DrawnQuantity) else value
+    )

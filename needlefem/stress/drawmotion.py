@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.stress.drawncase import Quantity
+from needlefem.stress.drawncase import DrawnQuantity
 
 
 def draw_motion(
@@ -28,10 +28,10 @@ def draw_motion(
         return _table(random, depth, duration)
     stages: list[dict[str, Any]] = [{"to": _length(depth)}]
     if random.random() < 0.5:
-        stages[0]["speed"] = Quantity(speed * float(random.uniform(0.5, 1.0)), "speed")
+        stages[0]["speed"] = DrawnQuantity(speed * float(random.uniform(0.5, 1.0)), "speed")
     if kind == "release":
         rest = duration * float(random.uniform(0.02, 1.0))
-        stages.append({"hold": Quantity(rest, "time"), "release": "seed"})
+        stages.append({"hold": DrawnQuantity(rest, "time"), "release": "seed"})
         stages.append({"to": _length(random.choice([-0.05, 0.0, random.uniform(0, 0.8)]) * depth)})
     elif kind == "out and in":
         stages.append({"to": _length(-random.uniform(0.02, 0.2) * depth)})
@@ -55,13 +55,13 @@ def _table(random: np.random.Generator, depth: float, duration: float) -> dict[s
     steps = np.abs(np.diff(depths, prepend=0.0)) / depth * duration
     times = np.cumsum(np.maximum(steps, 0.02 * duration) * random.uniform(0.8, 1.5, count))
     return {
-        "times": [Quantity(float(time), "time") for time in (0.0, *times)],
+        "times": [DrawnQuantity(float(time), "time") for time in (0.0, *times)],
         "depths": [_length(float(x)) for x in (0.0, *depths)],
     }
 
 
-def _length(value: float) -> Quantity:
-    return Quantity(float(value), "length")
+def _length(value: float) -> DrawnQuantity:
+    return DrawnQuantity(float(value), "length")
 
 
 def draw_time(
@@ -76,12 +76,12 @@ def draw_time(
     kind = random.choice(["none", "rayleigh", "ratios"])
     if kind == "rayleigh":
         data["damping"] = {
-            "mass_rate": Quantity(float(random.uniform(0.0, 0.5)) / duration, "rate"),
-            "stiffness_time": Quantity(float(random.uniform(0.0, 0.02)) * duration, "time"),
+            "mass_rate": DrawnQuantity(float(random.uniform(0.0, 0.5)) / duration, "rate"),
+            "stiffness_time": DrawnQuantity(float(random.uniform(0.0, 0.02)) * duration, "time"),
         }
     elif kind == "ratios":
         frequencies = np.array([1.0, random.uniform(3.0, 10.0)]) / duration
         data["damping"] = {
-            "frequencies": [Quantity(float(f), "rate") for f in frequencies],
+            "frequencies": [DrawnQuantity(float(f), "rate") for f in frequencies],
             "ratios": [float(x) for x in random.uniform(0.005, 0.1, 2)],
         }

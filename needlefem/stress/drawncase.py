@@ -20,7 +20,7 @@ EXPONENTS = {
 """By dimension: the unit that is written, and the exponents of length, force and time."""
 
 
-class Quantity(NamedTuple):
+class DrawnQuantity(NamedTuple):
     """A number in SI units with its dimension."""
 
     value: float
@@ -37,11 +37,11 @@ class Units(NamedTuple):
     force: float = 1.0
     time: float = 1.0
 
-    def of(self, quantity: Quantity) -> Quantity:
+    def of(self, quantity: DrawnQuantity) -> DrawnQuantity:
         """Return the quantity in the other units."""
         _, length, force, time = EXPONENTS[quantity.dimension]
         factor = self.length**length * self.force**force * self.time**time
-        return Quantity(quantity.value * factor, quantity.dimension)
+        return DrawnQuantity(quantity.value * factor, quantity.dimension)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,7 +77,7 @@ class DrawnCase:
     Parameters
     ----------
     data : mapping
-        Tree of the TOML file; its leaves are TOML values and `Quantity`.
+        Tree of the TOML file; its leaves are TOML values and `DrawnQuantity`.
     contours : mapping
         Corners of the contours by file name, shape (n, 2), m.
     mesh : DrawnMesh, optional
@@ -109,8 +109,8 @@ def in_units(case: DrawnCase, units: Units) -> DrawnCase:
     return dataclasses.replace(case, data=scaled, contours=contours)
 
 
-def _walked(node: Any, of: Callable[[Quantity], Quantity]) -> Any:
-    if isinstance(node, Quantity):
+def _walked(node: Any, of: Callable[[DrawnQuantity], DrawnQuantity]) -> Any:
+    if isinstance(node, DrawnQuantity):
         return of(node)
     if isinstance(node, Mapping):
         return {key: _walked(value, of) for key, value in node.items()}
@@ -120,7 +120,7 @@ def _walked(node: Any, of: Callable[[Quantity], Quantity]) -> Any:
 
 
 def toml_lines(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """Yield the lines of a TOML file for a tree with `Quantity` leaves."""
+    """Yield the lines of a TOML file for a tree with `DrawnQuantity` leaves."""
     deeper = []
     for key, value in table.items():
         bare = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
@@ -143,7 +143,7 @@ def toml_lines(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def _toml(value: Any) -> str:
-    if isinstance(value, Quantity):
+    if isinstance(value, DrawnQuantity):
         return json.dumps(str(value))
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False)

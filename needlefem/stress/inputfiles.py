@@ -14,7 +14,7 @@ import numpy as np
 from needlefem._arrays import Points
 from needlefem.errors import SimulationError
 from needlefem.stress.drawmesh import draw_grid, grid_of_file
-from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, Quantity
+from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, DrawnQuantity
 from needlefem.stress.drawnfiles import write_drawn_case, write_drawn_mesh
 
 MESH_FILES = {
@@ -54,9 +54,9 @@ class Sound:
     commands: "Commands"
 
 
-def length(value: float) -> Quantity:
+def length(value: float) -> DrawnQuantity:
     """Return a length, m."""
-    return Quantity(value, "length")
+    return DrawnQuantity(value, "length")
 
 
 def case_data() -> dict[str, Any]:
@@ -69,28 +69,29 @@ def case_data() -> dict[str, Any]:
         "tissue": {"background": "fat", "plane": "strain"},
         "materials": {
             "fat": {
-                "youngs_modulus": Quantity(2e4, "pressure"),
+                "youngs_modulus": DrawnQuantity(2e4, "pressure"),
                 "poissons_ratio": 0.4,
-                "density": Quantity(1e3, "density"),
+                "density": DrawnQuantity(1e3, "density"),
             },
-            "organ": {"law": "isotropic", "youngs_modulus": Quantity(4e4, "pressure"),
+            "organ": {"law": "isotropic", "youngs_modulus": DrawnQuantity(4e4, "pressure"),
                       "poissons_ratio": 0.4},
         },
         "regions": {
             "organ": {"contour": "organ.csv", "material": "organ",
-                      "cutting_force": Quantity(30.0, "force per length"),
-                      "shaft_friction": Quantity(400.0, "pressure")},
+                      "cutting_force": DrawnQuantity(30.0, "force per length"),
+                      "shaft_friction": DrawnQuantity(400.0, "pressure")},
         },
         "supports": {"walls": {"faces": ["y_min", "y_max", "z_max"]}},
         "obstacles": {"bone": {"contour": "bone.csv", "clearance": length(1e-3)}},
         "discretisation": {"element": "P1", "path_spacing": length(5e-3), "integrator": "auto"},
-        "needle": {"tip_radius": length(4e-3), "cutting_force": Quantity(25.0, "force per length"),
-                   "shaft_friction": Quantity(300.0, "pressure"),
-                   "lateral_stiffness": Quantity(1e8, "force per volume")},
+        "needle": {"tip_radius": length(4e-3),
+                   "cutting_force": DrawnQuantity(25.0, "force per length"),
+                   "shaft_friction": DrawnQuantity(300.0, "pressure"),
+                   "lateral_stiffness": DrawnQuantity(1e8, "force per volume")},
         "motion": {"direction": [0.1, 1.0], "entry": [length(0.018), length(0.0)],
-                   "max_depth": length(0.024), "speed": Quantity(5e-3, "speed"),
+                   "max_depth": length(0.024), "speed": DrawnQuantity(5e-3, "speed"),
                    "stages": [{"to": length(0.022)},
-                              {"hold": Quantity(1.0, "time"), "release": "seed"},
+                              {"hold": DrawnQuantity(1.0, "time"), "release": "seed"},
                               {"to": length(0.01)}]},
         "target": {"point": [length(0.02), length(0.015)]},
         "planning": {"height_range": [length(-3e-3), length(3e-3)], "tolerance": length(1e-6),

@@ -10,12 +10,12 @@ from typing import Any
 from needlefem._table import Table
 from needlefem.stress.inputfiles import CommandLine, has_label_maps, make_results
 from needlefem.stress.inputruns import InputRun, check_input, draw_input, run_input
-from needlefem.stress.pool import Limits, Lost, work_through
+from needlefem.stress.pool import Lost, WorkerLimits, work_through
 from needlefem.stress.sceneruns import Fault
 
 COUNT = 5000
 """Inputs when no number is given."""
-LIMITS = Limits(seconds=20.0, clock=80.0, memory=4e9)
+LIMITS = WorkerLimits(seconds=20.0, clock=80.0, memory=4e9)
 """Of a command: what takes longer hangs."""
 TELL = 30.0
 """Seconds between lines of progress."""

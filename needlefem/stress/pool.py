@@ -15,7 +15,7 @@ POLL = 0.5
 """How long to wait for an answer before the clock is looked at, s."""
 
 
-class Limits(NamedTuple):
+class WorkerLimits(NamedTuple):
     """What a task may take.
 
     Parameters
@@ -44,7 +44,7 @@ class OutOfTimeError(BaseException):
 
 
 class _Worker:
-    def __init__(self, work: Work, limits: Limits) -> None:
+    def __init__(self, work: Work, limits: WorkerLimits) -> None:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, work, limits), daemon=True)
@@ -68,7 +68,7 @@ class _Worker:
 
 
 def work_through(
-    work: Work, tasks: Sequence[int], *, processes: int, limits: Limits
+    work: Work, tasks: Sequence[int], *, processes: int, limits: WorkerLimits
 ) -> Iterator[tuple[int, Any]]:
     """Yield tasks and their answers, or `Lost`, in the order in which they end.
 
@@ -77,7 +77,7 @@ def work_through(
     work : callable
     tasks : sequence of int
     processes : int
-    limits : Limits
+    limits : WorkerLimits
     """
     waiting = list(reversed(tasks))
     workers = [_Worker(work, limits) for _ in range(min(processes, len(tasks)))]
@@ -116,7 +116,7 @@ def _answer(worker: _Worker, *, late: bool) -> Any:
         return Lost(f"the process ended with code {worker.end()}")
 
 
-def _serve(pipe: Connection, work: Work, limits: Limits) -> None:
+def _serve(pipe: Connection, work: Work, limits: WorkerLimits) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
     signal.signal(signal.SIGPROF, _out_of_time)
     resource.setrlimit(resource.RLIMIT_AS, (int(limits.memory), int(limits.memory)))

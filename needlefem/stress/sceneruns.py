@@ -14,15 +14,15 @@ from needlefem._arrays import Floats, Points
 from needlefem.casefile.load import load_case
 from needlefem.errors import NeedlefemError
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.motion_schedule import motion_stages
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import TipPhase
 from needlefem.insertion.validity import validity
 from needlefem.io.files import to_json
-from needlefem.io.records import insertion_record, ledger_record
-from needlefem.planning.making import Wanted, make
+from needlefem.io.records import energy_record, insertion_record
+from needlefem.planning.making import PlanRequest, attempt_plan
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene
 from needlefem.stress.draw import draw_case
@@ -80,7 +80,7 @@ class SceneRun:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Answer:
+class SceneAnswer:
     """Where things end in a scene: what its symmetric images must share.
 
     Parameters
@@ -105,16 +105,18 @@ class Answer:
 
 def carry_out(
     scene: Scene, command: str, model: TissueModel | None = None
-) -> tuple[Answer, Insertion | None]:
+) -> tuple[SceneAnswer, Insertion | None]:
     """Run or plan a scene; return where things end, and the insertion if there is one."""
     simulation = Simulation(scene, model)
     if command == "plan":
         assert scene.target is not None
-        return _planned(scene, make(simulation, Wanted(target=np.array(scene.target))).plan)
+        return _planned(
+            scene, attempt_plan(simulation, PlanRequest(target=np.array(scene.target))).plan
+        )
     simulation.check()
     insertion = simulation.move(simulation.entry_of_case())
     ends = [insertion.tips[-1:], *(seed.point[None] for seed in insertion.seeds)]
-    answer = Answer(
+    answer = SceneAnswer(
         status=insertion.outcome.status,
         sentence=insertion.outcome.sentence,
         points=np.concatenate(ends),
@@ -124,11 +126,11 @@ def carry_out(
     return answer, insertion
 
 
-def _planned(scene: Scene, plan: Plan) -> tuple[Answer, Insertion | None]:
+def _planned(scene: Scene, plan: Plan) -> tuple[SceneAnswer, Insertion | None]:
     points = np.zeros((0, scene.dim))
     if plan.best is not None:
         points = np.array([plan.best.release_point, plan.best.placed_at])
-    answer = Answer(
+    answer = SceneAnswer(
         status=plan.status,
         sentence=plan.sentence,
         points=points,
@@ -188,7 +190,7 @@ def _place(error: BaseException) -> str:
 def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Fault]:
     """Yield the requirements that an insertion does not meet."""
     states = insertion.states
-    energies = ledger(insertion)
+    energies = energy_terms(insertion)
     if not np.all(np.isfinite([*insertion.depths, *insertion.tips.ravel()])):
         yield Fault(requirement="finite numbers", detail="a depth or a tip is not finite")
         return
@@ -207,7 +209,7 @@ def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Faul
             detail = f"the last depth is {states[-1].depth:.9g} m, {off:+.2e} m off {wanted:.9g} m"
             yield Fault(requirement="last depth", detail=detail)
     yield from _outside(insertion)
-    json.loads(to_json(insertion_record(insertion) | {"energy": ledger_record(energies)}))
+    json.loads(to_json(insertion_record(insertion) | {"energy": energy_record(energies)}))
     validity(insertion, len(states) - 1)
 
 

@@ -10,12 +10,12 @@ from typing import Any
 from needlefem._table import Table
 from needlefem.stress.draw import draw_case
 from needlefem.stress.drawnfiles import write_drawn_case
-from needlefem.stress.pool import Limits, Lost, work_through
+from needlefem.stress.pool import Lost, WorkerLimits, work_through
 from needlefem.stress.sceneruns import Fault, SceneRun, run_scene
 
 COUNT = 2000
 """Scenes when no number is given."""
-LIMITS = Limits(seconds=60.0, clock=300.0, memory=4e9)
+LIMITS = WorkerLimits(seconds=60.0, clock=300.0, memory=4e9)
 """Of a scene."""
 COMPLETE = 0.95
 """Least share of scenes in which the needle does what it was told."""

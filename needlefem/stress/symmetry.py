@@ -16,7 +16,7 @@ from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve
 from needlefem.stress.drawncase import DrawnCase, Units, in_units
 from needlefem.stress.drawnfiles import write_drawn_case
-from needlefem.stress.sceneruns import Answer, Fault, carry_out
+from needlefem.stress.sceneruns import Fault, SceneAnswer, carry_out
 
 SAME = 1e-6
 """Largest distance of the image of the answer from the answer of the image, over the depth."""
@@ -30,7 +30,7 @@ UNITS = Units(length=10.0 / 3.0, force=0.07, time=11.0)
 
 
 def check_symmetry(
-    case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer
+    case: DrawnCase, scene: Scene, model: TissueModel, answer: SceneAnswer
 ) -> tuple[str, Fault | None]:
     """Return ``met``, ``missed`` with a fault, or ``several solutions``."""
     if case.check == "scaling":
@@ -46,7 +46,7 @@ def check_symmetry(
     return "missed", Fault(requirement=case.check, detail=detail)
 
 
-def distance(first: Answer, second: Answer, turn: Floats) -> tuple[float, str]:
+def distance(first: SceneAnswer, second: SceneAnswer, turn: Floats) -> tuple[float, str]:
     """Return how far two answers are apart, over the first's depth, and in what.
 
     The first is turned and scaled by `turn`, shape (2, 2), before.
@@ -68,14 +68,16 @@ def distance(first: Answer, second: Answer, turn: Floats) -> tuple[float, str]:
     return worst, name
 
 
-def _scaled(case: DrawnCase, answer: Answer) -> tuple[float, str]:
+def _scaled(case: DrawnCase, answer: SceneAnswer) -> tuple[float, str]:
     with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as folder:
         scene = load_case(write_drawn_case(in_units(case, UNITS), Path(folder)))
         found, _ = carry_out(scene, case.command)
     return distance(answer, found, UNITS.length * np.eye(2))
 
 
-def _moved(case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer) -> tuple[float, str]:
+def _moved(
+    case: DrawnCase, scene: Scene, model: TissueModel, answer: SceneAnswer
+) -> tuple[float, str]:
     cosine, sine = np.cos(ANGLE), np.sin(ANGLE)
     turn = np.array([[cosine, -sine], [sine, cosine]])
     if case.check == "mirror":
@@ -123,7 +125,7 @@ def turned_scene(scene: Scene, turn: Floats) -> Scene:
     return vary(scene, changes)
 
 
-def _sensitive(case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer) -> bool:
+def _sensitive(case: DrawnCase, scene: Scene, model: TissueModel, answer: SceneAnswer) -> bool:
     """Say whether a change of the scene by `NUDGE` moves its answer by more than `SAME`."""
     needle = scene.needle
     for sign in (1.0, -1.0):
@@ -148,6 +150,6 @@ def _added(point: tuple[float, ...], step: Floats) -> tuple[float, ...]:
     return tuple((np.array(point) + step).tolist())
 
 
-def _nudged(case: DrawnCase, scene: Scene, model: TissueModel, answer: Answer) -> bool:
+def _nudged(case: DrawnCase, scene: Scene, model: TissueModel, answer: SceneAnswer) -> bool:
     found, _ = carry_out(scene, case.command, model)
     return distance(answer, found, np.eye(2))[0] > SAME

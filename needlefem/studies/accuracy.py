@@ -14,7 +14,7 @@ from needlefem._table import Table
 from needlefem.errors import CaseError
 from needlefem.planning.plan import plan
 from needlefem.planning.reference_solution import placed_on, reference, true_error
-from needlefem.planning.result import Attempt
+from needlefem.planning.result import RefinementStep
 from needlefem.scene import Scene, vary
 from needlefem.studies.targets import draw_targets
 
@@ -91,7 +91,7 @@ def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list
     return rows
 
 
-def _chosen(last: Attempt) -> list[object]:
+def _chosen(last: RefinementStep) -> list[object]:
     sizes = (last.corridor, last.contour, last.bulk, last.path)
     return [last.element, "/".join(f"{1e3 * size:.3g}" for size in sizes), last.unknowns]
 

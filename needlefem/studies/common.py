@@ -6,7 +6,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.trajectory import TipPoint
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import Reader
+from needlefem.planning.reading import InsertionReader
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene, vary
 
@@ -31,4 +31,4 @@ def carry_out(scene: Scene, plan: Plan) -> TipPoint | None:
     entry = simulation.entry_through(release)
     depth = float(simulation.direction @ (release - entry.point))
     insertion = simulation.insert(entry, lambda state: state.depth > depth + 3e-3)
-    return Reader(insertion, plan.target).at_depth(depth).reach
+    return InsertionReader(insertion, plan.target).at_depth(depth).reach

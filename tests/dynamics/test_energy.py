@@ -10,12 +10,12 @@ from needlefem._arrays import Floats
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
-    EnergyLedger,
     GeneralizedAlpha,
     Integrator,
     MatrixSystem,
     Newmark,
     QuasiStatic,
+    TissueEnergyBalance,
 )
 from needlefem.dynamics import energy as module
 from needlefem.dynamics.memory import MaxwellUpdate
@@ -41,10 +41,10 @@ def system(*, branches: bool = True) -> MatrixSystem:
     return MatrixSystem(MASS, STIFFNESS, DAMPING, [(TIME, BRANCH)] if branches else [])
 
 
-def moved(integrator: Integrator, step: float, end: float) -> EnergyLedger:
+def moved(integrator: Integrator, step: float, end: float) -> TissueEnergyBalance:
     """Return the ledger of a forced motion."""
     stepper = integrator.stepper(system(), step)
-    ledger, motion = EnergyLedger(stepper), stepper.start(*FIRST, push(0.0))
+    ledger, motion = TissueEnergyBalance(stepper), stepper.start(*FIRST, push(0.0))
     for number in range(round(end / step)):
         before, after = push(step * number), push(step * (number + 1))
         old, motion = motion, stepper.advance_under(motion, before, after)
@@ -98,7 +98,7 @@ def test_undamped_newmark_takes_what_its_known_balance_says() -> None:
     """The free motion's ``d(T + V + (b - g/2) dt^2 a.Ma / 2)`` is never above zero."""
     beta, gamma, step = 0.4, 0.7, 0.3
     stepper = Newmark(beta=beta, gamma=gamma).stepper(MatrixSystem(MASS, STIFFNESS), step)
-    ledger, motion = EnergyLedger(stepper), stepper.start(*FIRST)
+    ledger, motion = TissueEnergyBalance(stepper), stepper.start(*FIRST)
     none, late = np.zeros(2), step**2 * (beta - 0.5 * gamma)
     for _ in range(20):
         old, motion = motion, stepper.advance_under(motion, none, none)
@@ -134,7 +134,7 @@ def test_a_wrong_term_shows_in_the_residual(
 
 def test_a_force_that_the_motion_does_not_have_shows_in_the_residual() -> None:
     stepper = GeneralizedAlpha().stepper(system(), 0.05)
-    ledger, motion = EnergyLedger(stepper), stepper.start(*FIRST, push(0.0))
+    ledger, motion = TissueEnergyBalance(stepper), stepper.start(*FIRST, push(0.0))
     new = stepper.advance_under(motion, push(0.0), push(0.05))
     ledger.add(motion, new, push(0.0), 1.01 * push(0.05))
     assert ledger.residual > 1e-5
@@ -142,7 +142,7 @@ def test_a_force_that_the_motion_does_not_have_shows_in_the_residual() -> None:
 
 def test_equilibrium_step_by_step_takes_nothing() -> None:
     stepper = QuasiStatic().stepper(system(), 0.1)
-    ledger, motion = EnergyLedger(stepper), stepper.start(np.zeros(2), np.zeros(2))
+    ledger, motion = TissueEnergyBalance(stepper), stepper.start(np.zeros(2), np.zeros(2))
     force = np.zeros(2)
     for number in range(1, 40):
         before, force = force, push(0.1 * number)
@@ -163,7 +163,7 @@ def test_what_a_foreign_integrator_takes_is_missing() -> None:
     stepper = Foreign()
     assert not hasattr(stepper, "weights")
     assert stepper._own.weights == AlphaParameters(0.0, 0.0, 0.25, 0.5)
-    ledger, none = EnergyLedger(stepper), np.zeros(2)  # type: ignore[arg-type]
+    ledger, none = TissueEnergyBalance(stepper), np.zeros(2)  # type: ignore[arg-type]
     motion = stepper._own.start(*FIRST)
     new = stepper._own.advance_under(motion, none, none)
     new.v *= 0.99

@@ -9,12 +9,12 @@ from needlefem.dynamics import (
     HHT,
     CentralDifference,
     Damping,
-    EnergyLedger,
     GeneralizedAlpha,
     Integrator,
     MatrixSystem,
     Newmark,
     QuasiStatic,
+    TissueEnergyBalance,
     TissueSystem,
     at_rest,
     critical_step,
@@ -158,7 +158,7 @@ def test_ledger_of_a_damped_fall_into_rest() -> None:
     system = MatrixSystem(ONE, ONE, 0.5 * ONE)
     stepper = Newmark().stepper(system, 0.1)
     force = np.array([1.0])
-    motion, ledger = stepper.start(np.zeros(1), np.zeros(1), force), EnergyLedger(stepper)
+    motion, ledger = stepper.start(np.zeros(1), np.zeros(1), force), TissueEnergyBalance(stepper)
     for _ in range(1000):
         old, motion = motion, stepper.advance_under(motion, force, force)
         ledger.add(old, motion, force, force)

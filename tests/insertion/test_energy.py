@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
@@ -49,7 +49,7 @@ def moved(gel: Scene, tissue: str, depths: tuple[float, ...], **changes: object)
 @pytest.mark.parametrize("give", [0.0, 1e8])
 def test_no_step_creates_energy(gel: Scene, tissue: str, motion: str, give: float) -> None:
     found = moved(gel, tissue, MOTIONS[motion], **{"needle.stick_stiffness": give})
-    energies = ledger(found)
+    energies = energy_terms(found)
     assert found.outcome.status is Status.COMPLETED
     assert energies.given <= 1e-9
     assert energies.residual <= 1e-11
@@ -62,7 +62,7 @@ def test_pressing_elastic_skin_without_cutting_it_takes_no_work(
     gel: Scene, depths: tuple[float, ...]
 ) -> None:
     found = moved(gel, "elastic", depths, **{"needle.cutting_force": 1e9})
-    energies = ledger(found)
+    energies = energy_terms(found)
     assert abs(energies.work) <= 1e-12 * energies.turnover
     changes = [n for n, s in enumerate(found.states[1:], 1) if _leaves(found, n) and s.depth < 1e-4]
     assert changes
@@ -104,15 +104,15 @@ def test_a_viscoelastic_snap_is_accounted_for_state_by_state(popping: Scene) -> 
     simulation = Simulation(scene)
     found = simulation.move(simulation.entry_of_case())
     assert any(state.jumping for state in found.states)
-    assert ledger(found).residual <= 1e-11
+    assert energy_terms(found).residual <= 1e-11
 
 
 def test_slow_insertions_with_inertia_spend_what_quasi_static_ones_do(gel: Scene) -> None:
     """Term by term: what one of them had too much, another would lack."""
     depths = (0.012,)
-    still = ledger(moved(gel, "elastic", depths, **{"materials.gel": STIFF}))
+    still = energy_terms(moved(gel, "elastic", depths, **{"materials.gel": STIFF}))
     slow = {"motion.speed": 0.002, "discretisation.time_step": 0.1}
-    swung = ledger(moved(gel, "dynamic", depths, **slow))
+    swung = energy_terms(moved(gel, "dynamic", depths, **slow))
     for name in ("work", "strain", "friction", "cutting"):
         ours, theirs = getattr(swung, name), getattr(still, name)
         assert ours == pytest.approx(theirs, rel=0.01), name
@@ -131,7 +131,9 @@ def test_an_exactly_straight_path_is_cut_as_well(gel: Scene, trapezoidal: bool) 
     straight = [
         dataclasses.replace(state, tip=np.array([0.03, state.tip[1]])) for state in found.states
     ]
-    energies = ledger(dataclasses.replace(found, states=tuple(straight)), trapezoidal=trapezoidal)
+    energies = energy_terms(
+        dataclasses.replace(found, states=tuple(straight)), trapezoidal=trapezoidal
+    )
     deepest = found.states[-1].tip[1]
     assert energies.cutting == pytest.approx(50.0 * deepest, rel=0.5)
     assert energies.residual <= (1e-2 if trapezoidal else 1e-9)
@@ -163,8 +165,8 @@ def test_path_following_ends_before_a_step_in_which_the_tip_would_give_energy(
     checked = followed()
     assert checked.outcome.status is Status.RESTICK
     assert "the tissue goes ahead of the tip that cuts it" in checked.outcome.sentence
-    assert ledger(checked).given <= 1e-9
+    assert energy_terms(checked).given <= 1e-9
     monkeypatch.setattr(PathFollowing, "_check_energy", lambda *_: None)
     unchecked = followed()
     assert len(unchecked.states) > len(checked.states)
-    assert ledger(unchecked).given > 1e-6
+    assert energy_terms(unchecked).given > 1e-6

@@ -10,7 +10,7 @@ from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import Damping, GeneralizedAlpha, Newmark, TissueSystem
 from needlefem.dynamics.steppers import AlphaParameters
 from needlefem.errors import CaseError
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.inertia import DynamicResponse, bound_radius, damping_of
 from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.result import Insertion, Status
@@ -51,7 +51,7 @@ def test_as_speed_falls_it_becomes_quasi_static(organ: Scene, integrator: str) -
 def test_ledger_closes_and_nothing_gives_energy(gel: Scene, integrator: str, speed: float) -> None:
     stages = (Stage(to=0.01), Stage(hold=0.1), Stage(to=0.008), Stage(to=0.012), Stage(to=0.0))
     found = moved(vary(gel, {"damping": SOME}), integrator, stages=stages, speed=speed)
-    energies = ledger(found)
+    energies = energy_terms(found)
     assert found.outcome.status is Status.COMPLETED
     assert energies.residual <= 1e-11
     assert energies.given <= 1e-9
@@ -67,13 +67,13 @@ def test_tissue_that_swings_on_and_off_the_tip_gives_nothing(gel: Scene) -> None
     }  # fmt: skip
     found = moved(vary(gel, changes), "newmark")
     assert sum(state.tip_phase is TipPhase.OUTSIDE for state in found.states) >= 3
-    assert ledger(found).given <= 1e-9
-    assert ledger(found).residual <= 1e-11
+    assert energy_terms(found).given <= 1e-9
+    assert energy_terms(found).residual <= 1e-11
 
 
 def test_undamped_motion_loses_energy_to_friction_and_cutting_alone(gel: Scene) -> None:
     found = moved(gel, "generalised-alpha", max_depth=0.01, speed=0.2)
-    energies = ledger(found)
+    energies = energy_terms(found)
     assert energies.damping == 0.0
     assert abs(energies.algorithmic) <= 1e-2 * energies.work
     assert energies.residual <= 1e-11
@@ -85,7 +85,7 @@ def test_static_friction_weakens_with_inertia(gel: Scene) -> None:
     plain = moved(gel, "newmark", stages=stages)
     harder = moved(vary(gel, changes), "newmark", stages=stages)
     assert min(s.force for s in harder.states) < min(s.force for s in plain.states)
-    assert ledger(harder).residual <= 1e-11
+    assert energy_terms(harder).residual <= 1e-11
 
 
 def test_catching_costs_energy(gel: Scene) -> None:
@@ -100,15 +100,15 @@ def test_catching_costs_energy(gel: Scene) -> None:
         if new.full_segments >= old.full_segments > 1
     ]
     assert any(grips)
-    assert ledger(found).capture > 0.0
-    assert ledger(found).residual <= 1e-11
+    assert energy_terms(found).capture > 0.0
+    assert energy_terms(found).residual <= 1e-11
 
 
 def test_what_sticks_has_the_needles_velocity(gel: Scene) -> None:
     simulation = Simulation(vary(gel, {"discretisation.integrator": "generalised-alpha"}))
     stages = (Stage(to=0.01), Stage(to=0.0098))
     motion = vary(simulation.scene, {"motion.stages": stages}).motion
-    course = simulation.course(simulation.entry_of_case(), motion)
+    course = simulation.insertion_run(simulation.entry_of_case(), motion)
     old = None
     for state in course.iterate():
         if old is not None and state.slipping is not None and state.depth < old.depth:
@@ -129,14 +129,14 @@ def test_a_snap_is_survived(popping: Scene) -> None:
     assert max(before) < 0.005
     assert min(found.states[-1].tip[1], still.states[-1].tip[1]) > 0.018
     assert found.outcome.status is Status.COMPLETED
-    assert ledger(found).residual <= 1e-11
+    assert energy_terms(found).residual <= 1e-11
 
 
 def test_viscoelastic_tissue_has_inertia_too(gel: Scene) -> None:
     law = Viscoelastic(youngs_modulus=20e3, poissons_ratio=0.45, shares=(0.4,), times=(0.5,))
     scene = vary(gel, {"materials.gel": law})
     found = moved(scene, "generalised-alpha", stages=(Stage(to=0.01), Stage(hold=1.0)))
-    energies = ledger(found)
+    energies = energy_terms(found)
     assert energies.relaxation > 0.0
     assert energies.residual <= 1e-11
 
@@ -144,7 +144,7 @@ def test_viscoelastic_tissue_has_inertia_too(gel: Scene) -> None:
 @pytest.mark.parametrize("mass", ["consistent", "row-sum", "hrz"])
 def test_any_mass_that_the_element_has(gel: Scene, mass: str) -> None:
     scene = vary(gel, {"discretisation.mass": mass})
-    assert ledger(moved(scene, "newmark", max_depth=0.005, speed=0.1)).residual <= 1e-11
+    assert energy_terms(moved(scene, "newmark", max_depth=0.005, speed=0.1)).residual <= 1e-11
 
 
 def test_a_mass_that_it_does_not_have_is_refused(popping: Scene) -> None:

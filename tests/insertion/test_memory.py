@@ -13,7 +13,7 @@ import pytest
 import needlefem as nf
 from needlefem.elements import CATALOGUE
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
 from needlefem.scene import DYNAMIC, Scene, Stage, vary
@@ -57,7 +57,7 @@ def test_an_insertion_is_freed_with_every_element(organ: Scene, element: str) ->
 
     def insert() -> object:
         found = nf.simulate(scene)
-        ledger(found)
+        energy_terms(found)
         return found
 
     assert kept(insert) == (1, 0)

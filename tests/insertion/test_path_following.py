@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from needlefem.fem.compliance import CachedCompliance, DirectCompliance
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
@@ -91,7 +91,7 @@ def test_needle_that_does_not_puncture(gel: Scene, insert: Push) -> None:
     assert insertion.depths[-1] == pytest.approx(5e-4)
     assert 0.0 < insertion.states[-1].tip_force < gel.needle.cutting_force
     assert TipTrajectory(insertion).at_depth(5e-4).point == pytest.approx(insertion.tips[0])
-    assert ledger(insertion).residual < 1e-12
+    assert energy_terms(insertion).residual < 1e-12
 
 
 def test_needle_that_leaves_the_tissue(gel: Scene, insert: Push) -> None:
@@ -112,7 +112,7 @@ def test_snap_lands_where_resistance_is_back(popping: Scene, insert: Push) -> No
     landing = states[snap.last]
     assert landing.tip_force == pytest.approx(landing.cutting_force, rel=1e-6)
     assert landing.depth == snap.depth
-    energies = ledger(insertion)
+    energies = energy_terms(insertion)
     assert energies.snap > 0.0
     assert energies.residual < 1e-10
 
@@ -225,7 +225,7 @@ def test_step_solver_learns(gel: Scene) -> None:
 @pytest.mark.parametrize("element", ["P1", "P2"])
 def test_ledger_closes_by_both_formulas(organ: Scene, insert: Push, element: str) -> None:
     insertion = insert(vary(organ, {"discretisation.element": element}))
-    consistent, trapezoidal = ledger(insertion), ledger(insertion, trapezoidal=True)
+    consistent, trapezoidal = energy_terms(insertion), energy_terms(insertion, trapezoidal=True)
     assert consistent.identity < 1e-12
     assert consistent.residual < 1e-12
     assert trapezoidal.residual < 5e-3

@@ -9,7 +9,7 @@ from needlefem.elements import ElementType
 from needlefem.elements.quadrature import simplex
 from needlefem.fem.compliance import CachedCompliance
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Insertion, Status
@@ -19,7 +19,7 @@ from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.needle.tip_kernel import TipKernel, cross_section
 from needlefem.scene import Scene, Support, vary
-from verification.support.embedded_shaft import LyingNeedle
+from verification.support.embedded_shaft import EmbeddedShaft
 
 TETRAHEDRON = ElementType(
     name="T1",
@@ -106,7 +106,7 @@ def test_march_in_a_block_of_tetrahedra(
     length = np.linalg.norm(np.diff(insertion.tips, axis=0), axis=1).sum()
     assert last.force == pytest.approx(0.2 + 10.0 * length)
     assert last.lateral_force.shape == (len(insertion.pieces), 2)
-    energies = ledger(insertion)
+    energies = energy_terms(insertion)
     assert energies.identity < 1e-12
     assert energies.residual < 1e-12
 
@@ -162,7 +162,7 @@ def test_give_of_a_thick_shaft_in_a_cylinder() -> None:
     for divisions in (6, 12):
         model = slab(radius, thickness, divisions)
         ends = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, thickness])
-        needle = LyingNeedle(model, ends, 1, limit, thickness=thick)
+        needle = EmbeddedShaft(model, ends, 1, limit, thickness=thick)
         assert needle.move(1.0) == pytest.approx(limit * thickness)
         exact = limit / (2.0 * np.pi * shear) * (np.log(radius / thick) + 0.25)
         errors.append(abs(needle.moved[0] / exact - 1.0))

@@ -32,7 +32,7 @@ def run(gel: Scene, request: pytest.FixtureRequest) -> tuple[Insertion, np.ndarr
     """Return an insertion, and the displacement that the tissue had at its end."""
     coarse = {"mesh.divisions": (10, 10), "motion.max_depth": 0.012}
     simulation = Simulation(vary(gel, coarse | TISSUES[request.param]))
-    course = simulation.course(simulation.entry_of_case())
+    course = simulation.insertion_run(simulation.entry_of_case())
     found = course.result(tuple(course.iterate()))
     medium = course.medium
     assert isinstance(medium, ViscoelasticResponse | DynamicResponse)

@@ -1,6 +1,6 @@
 import pytest
 
-from needlefem.casefile.reader import Reader
+from needlefem.casefile.reader import CaseReader
 from needlefem.errors import CaseError
 from needlefem.materials import Material, volumetric_split
 from needlefem.materials.tissue_library import library, tissue_table
@@ -8,7 +8,7 @@ from needlefem.materials.tissue_library import library, tissue_table
 
 @pytest.mark.parametrize("name", library())
 def test_every_tissue_is_a_law(name: str, tmp_path) -> None:
-    material = Reader(2, tmp_path).material({"tissue": name}, "x")
+    material = CaseReader(2, tmp_path).material({"tissue": name}, "x")
     assert isinstance(material, Material)
     assert 0.3 < volumetric_split(material).poissons_ratio < 0.5
     entry = library()[name]
@@ -17,7 +17,7 @@ def test_every_tissue_is_a_law(name: str, tmp_path) -> None:
 
 
 def test_keys_of_the_case_win(tmp_path) -> None:
-    reader = Reader(2, tmp_path)
+    reader = CaseReader(2, tmp_path)
     changed = reader.material({"tissue": "liver", "poissons_ratio": 0.45}, "x")
     assert changed.poissons_ratio == 0.45
     assert changed.youngs_modulus == pytest.approx(5400.0)

@@ -96,7 +96,7 @@ def test_the_estimate_of_cells_is_near_those_of_the_mesh() -> None:
         contours = {"organ": Contour(np.array([target, target]) + radius * circle)}
         box = boxes.box_around(contours, 0.015)
         point, direction = np.array([target, target]), np.array([0.0, 1.0])
-        line = boxes.Line(point, direction, box.depth_of(point, direction))
+        line = boxes.TargetLine(point, direction, box.depth_of(point, direction))
         box = boxes.with_room(box, line)
         sizes = boxes.contour_sizes(contours, 0.5e-3)
         draft = boxes.BoxDraft(box, sizes, "centroid", "", line)

@@ -10,12 +10,18 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.generation import signed_measures
 from needlefem.mesh.refine import uniformly_refined
 from needlefem.planning import reference_solution as reference
-from needlefem.planning.error_estimate import HALVED, estimate, finer_tissue, offset_on, path_error
+from needlefem.planning.error_estimate import (
+    HALVED,
+    displacement_on,
+    estimate,
+    finer_tissue,
+    path_error,
+)
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
-from needlefem.planning.reference_solution import Exact, placed_on
+from needlefem.planning.reference_solution import ReferenceSolution, placed_on
 from needlefem.planning.result import PlanStatus
-from needlefem.planning.sizes import Sizes
+from needlefem.planning.sizes import MeshSizes
 from needlefem.scene import FileMesh, Scene, Stage, TargetDraw, vary
 from needlefem.scene.build import build_mesh
 from needlefem.scene.resolve import resolve
@@ -57,7 +63,7 @@ def test_forces_on_the_finer_tissue_say_what_an_insertion_there_would(
     simulation = Simulation(vary(coarse, {"discretisation.element": element}))
     found = Planner(simulation, np.array(coarse.target)).plan()
     finer, _, _ = finer_tissue(simulation)
-    offset = offset_on(finer, simulation, found)
+    offset = displacement_on(finer, simulation, found)
     placed = placed_on(finer, found) - found.best.placed_at
     assert np.linalg.norm(placed) > 1e-5
     assert np.linalg.norm(offset - placed) < 0.25 * np.linalg.norm(placed)
@@ -66,7 +72,7 @@ def test_forces_on_the_finer_tissue_say_what_an_insertion_there_would(
 def test_same_tissue_leaves_the_placement_where_it_is(coarse: Scene) -> None:
     simulation = Simulation(coarse)
     found = Planner(simulation, np.array(coarse.target)).plan()
-    assert np.linalg.norm(offset_on(Simulation(coarse), simulation, found)) < 1e-12
+    assert np.linalg.norm(displacement_on(Simulation(coarse), simulation, found)) < 1e-12
 
 
 def test_estimate_falls_with_the_elements(coarse: Scene) -> None:
@@ -120,7 +126,7 @@ def test_estimate_sees_edges_beside_the_contour(coarse: Scene) -> None:
     rough = vary(coarse, {"discretisation.element": "Q2", "mesh.pattern": "quadrilateral"})
     simulation = Simulation(rough)
     found = Planner(simulation, np.array(rough.target)).plan()
-    blind = offset_on(finer_tissue(simulation)[0], simulation, found)
+    blind = displacement_on(finer_tissue(simulation)[0], simulation, found)
     assert estimate(simulation, found).error > 2.0 * HALVED * np.linalg.norm(blind)
 
 
@@ -163,7 +169,7 @@ def test_accuracy_plans_for_the_target_given(thick: Scene) -> None:
 def test_accuracy_needs_a_box_and_a_length(organ: Scene, tmp_path: Path) -> None:
     file = FileMesh(path=tmp_path / "mesh.msh", unit=1.0)
     with pytest.raises(CaseError, match=r"planning\.accuracy: a mesh from a file"):
-        Sizes.first(vary(organ, {"mesh": file}))
+        MeshSizes.first(vary(organ, {"mesh": file}))
     case = Path(__file__).parents[2] / "cases" / "prostate" / "case.toml"
     with pytest.raises(CaseError, match=r"planning\.accuracy: -0\.0001 is out of range"):
         load_case(case, ["planning.accuracy=-0.1 mm"])
@@ -173,7 +179,7 @@ def test_accuracy_needs_a_box_and_a_length(organ: Scene, tmp_path: Path) -> None
 
 @pytest.mark.usefixtures("cheap")
 def test_placements_on_the_exact_tissue_are_interpolated(thick: Scene) -> None:
-    exact = Exact(thick, np.array(thick.target))
+    exact = ReferenceSolution(thick, np.array(thick.target))
     found = plan(thick)
     own = placed_on(reference.reference(thick, found.target), found)
     assert exact.error(found) == pytest.approx(np.linalg.norm(own - found.target), abs=1e-9)
@@ -181,7 +187,7 @@ def test_placements_on_the_exact_tissue_are_interpolated(thick: Scene) -> None:
 
 @pytest.mark.usefixtures("cheap")
 def test_benchmark_marks_the_front(thick: Scene) -> None:
-    exact = Exact(thick, np.array(thick.target))
+    exact = ReferenceSolution(thick, np.array(thick.target))
     quadratic = vary(thick, {"discretisation.element": "P2", "mesh.interfaces": "fitted"})
     entered = [
         Entrant("P2", "the case's own", lambda: plan(quadratic)),

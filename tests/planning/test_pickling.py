@@ -13,7 +13,7 @@ from PIL import Image
 import needlefem as nf
 from needlefem.alterovitz2003.plan import paper_plan
 from needlefem.errors import CaseError
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.trajectory import TipTrajectory as CutPath
@@ -59,8 +59,10 @@ def same(one: Insertion, other: Insertion) -> None:
     assert one.puncture_depth == other.puncture_depth
     assert [event.kind for event in one.events] == [event.kind for event in other.events]
     assert [tuple(seed.point) for seed in one.seeds] == [tuple(s.point) for s in other.seeds]
-    assert ledger(one).work == pytest.approx(ledger(other).work, rel=1e-12)
-    assert ledger(one).strain == pytest.approx(ledger(other).strain, rel=1e-9, abs=1e-12)
+    assert energy_terms(one).work == pytest.approx(energy_terms(other).work, rel=1e-12)
+    assert energy_terms(one).strain == pytest.approx(
+        energy_terms(other).strain, rel=1e-9, abs=1e-12
+    )
     last = len(one.states) - 1
     strains = [validity(insertion, last).largest_strain for insertion in (one, other)]
     assert strains[0] == pytest.approx(strains[1], rel=1e-9)

@@ -14,7 +14,7 @@ from needlefem.io.records import plan_record
 from needlefem.planning.headline import Headline
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import Reader, Why, at_jump
+from needlefem.planning.reading import InsertionReader, Why, at_jump
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import Scene, TargetDraw, vary
 from needlefem.scene.build import build_mesh
@@ -168,7 +168,7 @@ def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
             assert found.evidence.validity is None
             assert found.evidence.estimate is None
             assert "jumps" in found.evidence.missing["validity"]
-    nearest = Reader(planner.insertion(np.zeros(1)), between).nearest()
+    nearest = InsertionReader(planner.insertion(np.zeros(1)), between).nearest()
     assert nearest.why is Why.JUMPED
 
 

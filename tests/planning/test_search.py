@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.planning.search import Found, golden_section, grid, sign_changes, signed_root
+from needlefem.planning.search import SearchStatus, golden_section, grid, sign_changes, signed_root
 
 RANGE = (-2.0, 2.0)
 
@@ -16,7 +16,7 @@ def root(function, start=0.0, within=RANGE, most=40):  # type: ignore[no-untyped
 
 def test_smooth_miss_takes_few_evaluations() -> None:
     found = root(lambda h: 1.2 * h - 0.3 + 0.1 * np.sin(h))
-    assert found.found is Found.SOLVED
+    assert found.found is SearchStatus.SOLVED
     assert found.miss <= 1e-10
     assert len(found.tried) <= 6
 
@@ -27,32 +27,32 @@ def test_kinked_and_steep_misses_are_bracketed() -> None:
         lambda h: np.tanh(30.0 * (h + 1.1)),
         lambda h: (h - 1.9) ** 3 + 1e-3 * (h - 1.9),
     ):
-        assert root(function).found is Found.SOLVED
+        assert root(function).found is SearchStatus.SOLVED
 
 
 def test_root_outside_the_range_is_said() -> None:
     found = root(lambda h: h - 5.0)
-    assert found.found is Found.OUTSIDE_RANGE
+    assert found.found is SearchStatus.OUTSIDE_RANGE
     assert found.height[0] == pytest.approx(2.0)
     assert found.miss == pytest.approx(3.0)
 
 
 def test_unreachable_everywhere_is_said() -> None:
     found = root(lambda _: None)
-    assert found.found is Found.UNREACHABLE
+    assert found.found is SearchStatus.UNREACHABLE
     assert found.miss == np.inf
     assert len(found.tried) == 6
 
 
 def test_heights_out_of_reach_are_backed_off_from() -> None:
     found = root(lambda h: None if h < 0.5 else h - 1.0)
-    assert found.found is Found.SOLVED
+    assert found.found is SearchStatus.SOLVED
     found = root(lambda h: None if h > 0.9 else 0.5 * (h - 0.6), start=-2.0)
-    assert found.found is Found.SOLVED
+    assert found.found is SearchStatus.SOLVED
 
 
 def test_too_few_evaluations_is_said() -> None:
-    assert root(np.arctan, start=1.9, most=2).found is Found.NOT_CONVERGED
+    assert root(np.arctan, start=1.9, most=2).found is SearchStatus.NOT_CONVERGED
 
 
 def test_two_lateral_directions() -> None:
@@ -61,7 +61,7 @@ def test_two_lateral_directions() -> None:
     found = signed_root(
         lambda h: matrix @ (h - sought) + 0.05 * (h - sought) ** 2, np.zeros(2), RANGE, 1e-10, 40
     )
-    assert found.found is Found.SOLVED
+    assert found.found is SearchStatus.SOLVED
     assert found.height == pytest.approx(sought, abs=1e-9)
     assert len(found.tried) <= 12
 
@@ -69,7 +69,7 @@ def test_two_lateral_directions() -> None:
 def test_golden_section_narrows_to_the_tolerance() -> None:
     found = golden_section(lambda h: abs(h - 0.3) + 0.01, -0.2, 0.4, 0.01)
     assert found.height[0] == pytest.approx(0.3, abs=0.01)
-    assert found.found is Found.SOLVED
+    assert found.found is SearchStatus.SOLVED
     assert len(found.tried) == 11
 
 
@@ -77,7 +77,7 @@ def test_grid_finds_the_lower_of_two_valleys() -> None:
     found = grid(lambda h: min(abs(h + 1.0) + 0.1, abs(h - 1.0)), -2.0, 2.0, 0.1)
     assert found.height[0] == pytest.approx(1.0)
     assert len(found.tried) == 41
-    assert grid(lambda _: np.inf, 0.0, 1.0, 0.5).found is Found.UNREACHABLE
+    assert grid(lambda _: np.inf, 0.0, 1.0, 0.5).found is SearchStatus.UNREACHABLE
 
 
 def test_coarse_scan_finds_all_sign_changes() -> None:

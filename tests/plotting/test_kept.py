@@ -21,7 +21,7 @@ from needlefem.planning.result import Plan
 from needlefem.plotting.motion_figures import draw_forces, draw_sticking
 from needlefem.plotting.notebook import html_of, png_of
 from needlefem.plotting.plan_figures import draw_depth, draw_height, planner_of
-from needlefem.plotting.render import Shot, panels, render
+from needlefem.plotting.render import RenderOptions, panels, render
 from needlefem.plotting.setup_figure import draw_setup
 from needlefem.plotting.stages import draw_stages
 from needlefem.scene import Scene, vary
@@ -66,19 +66,21 @@ def smaller(path: Path) -> None:
 
 
 def field(name: str) -> Callable[[Insertion, Path], object]:
-    return lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE, field=name))
+    return lambda i, p: render(i, p, depth=0.02, shot=RenderOptions(size=SIZE, field=name))
 
 
 DRAWN: dict[str, Callable[[Insertion, Path], object]] = {
-    "regions": lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE)),
-    "seed": lambda i, p: render(i, p, shot=Shot(size=SIZE)),
-    "panels": lambda i, p: panels(i, p, count=3, shot=Shot(size=SIZE)),
+    "regions": lambda i, p: render(i, p, depth=0.02, shot=RenderOptions(size=SIZE)),
+    "seed": lambda i, p: render(i, p, shot=RenderOptions(size=SIZE)),
+    "panels": lambda i, p: panels(i, p, count=3, shot=RenderOptions(size=SIZE)),
     "displacement": field("displacement"),
     "von-mises": field("von-mises"),
     "validity": field("validity"),
-    "ultrasound": lambda i, p: render(i, p, depth=0.02, shot=Shot(size=SIZE, texture="synthetic")),
+    "ultrasound": lambda i, p: render(
+        i, p, depth=0.02, shot=RenderOptions(size=SIZE, texture="synthetic")
+    ),
     "beside": lambda i, p: render(
-        i, p, depth=0.02, beside=i, shot=Shot(size=(480, 240), field="strain")
+        i, p, depth=0.02, beside=i, shot=RenderOptions(size=(480, 240), field="strain")
     ),
     "setup": lambda i, p: draw_setup(i.scene, p, size=SIZE),
 }
@@ -125,13 +127,13 @@ def test_curved_edges_are_as_kept(gel: Scene, tmp_path: Path) -> None:
     scene = with_element(vary(gel, {"mesh.divisions": (5, 5)}), "P2-P1")
     simulation = Simulation(scene)  # a picture of curved cells: they are too coarse to plan on
     insertion = simulation.move(simulation.entry_of_case())
-    render(insertion, tmp_path / "new.png", shot=Shot(size=SIZE, field="pressure"))
+    render(insertion, tmp_path / "new.png", shot=RenderOptions(size=SIZE, field="pressure"))
     check(tmp_path / "new.png", "curved")
 
 
 def test_a_block_of_tetrahedra_is_as_kept(block, gel: Scene, tmp_path: Path) -> None:  # noqa: F811
     insertion = push(block, np.array([0.0, 0.0, 1.0]), solid(gel))
-    render(insertion, tmp_path / "new.png", shot=Shot(size=SIZE, field="displacement"))
+    render(insertion, tmp_path / "new.png", shot=RenderOptions(size=SIZE, field="displacement"))
     check(tmp_path / "new.png", "block")
     picture = png_of(insertion)
     assert picture is not None
@@ -140,7 +142,7 @@ def test_a_block_of_tetrahedra_is_as_kept(block, gel: Scene, tmp_path: Path) -> 
 
 
 def test_another_picture_is_not_alike(pushed: Insertion, tmp_path: Path) -> None:
-    render(pushed, tmp_path / "new.png", depth=0.012, shot=Shot(size=SIZE))
+    render(pushed, tmp_path / "new.png", depth=0.012, shot=RenderOptions(size=SIZE))
     assert not alike(tmp_path / "new.png", KEPT / "regions.png")
 
 

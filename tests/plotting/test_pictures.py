@@ -11,12 +11,12 @@ import pytest
 from needlefem.errors import NoRendererError
 from needlefem.insertion.simulation import simulate
 from needlefem.plotting import backend as driver
-from needlefem.plotting.render import Shot, render
+from needlefem.plotting.render import RenderOptions, render
 from needlefem.scene import Scene
 
 
 def test_picture_of_an_insertion(gel: Scene, tmp_path: Path) -> None:
-    path = render(simulate(gel), tmp_path / "deformed.png", shot=Shot(size=(400, 300)))
+    path = render(simulate(gel), tmp_path / "deformed.png", shot=RenderOptions(size=(400, 300)))
     header = path.read_bytes()[:24]
     assert header[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", header[16:24]) == (400, 300)

@@ -24,11 +24,11 @@ from needlefem.plotting import images
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.quantities import QUANTITIES, scale_of
-from needlefem.plotting.render import Shot, Studio, animate, panels, render
+from needlefem.plotting.render import Renderer, RenderOptions, animate, panels, render
 from needlefem.plotting.style import Style
-from needlefem.plotting.surface import Surface
+from needlefem.plotting.surface import SurfaceMesh
 from needlefem.plotting.texture import synthetic_ultrasound
-from needlefem.plotting.timeline import Film
+from needlefem.plotting.timeline import Timeline
 from needlefem.plotting.view import View, whole
 from needlefem.scene import Scene, Stage, vary
 from needlefem.scene.build import build_model
@@ -40,7 +40,7 @@ SIZE = (320, 240)
 
 
 def test_film_passes_through_the_states(pushed: Insertion) -> None:
-    film = Film(pushed)
+    film = Timeline(pushed)
     for number in (5, len(pushed.states) // 2, len(pushed.states) - 1):
         state, moment = pushed.states[number], film.moments([film.times[number]])[0]
         assert moment.depth == pytest.approx(state.depth)
@@ -73,7 +73,7 @@ TIMELY: dict[str, dict[str, object]] = {
 def test_film_of_tissue_in_time_is_what_the_needle_met(gel: Scene, kind: str) -> None:
     """The field moves the tip's material as the states say, and is not that of forces at rest."""
     insertion = simulate(vary(gel, {"mesh.divisions": (12, 12), **TIMELY[kind]}))
-    film, state = Film(insertion), insertion.states[-1]
+    film, state = Timeline(insertion), insertion.states[-1]
     last = film.moments([np.inf])[0]
     mean = state.tip_weights @ film.model.nodal(last.u)[state.tip_nodes]
     assert float(mean @ insertion.axis.direction) == pytest.approx(state.tip_displacement, rel=1e-6)
@@ -120,7 +120,7 @@ def test_a_turn_is_found() -> None:
 
 @pytest.mark.parametrize("kind", ["gif", "webp", "mp4"])
 def test_animations_have_their_frames(kind: str, pushed: Insertion, tmp_path: Path) -> None:
-    path = animate(pushed, tmp_path / f"motion.{kind}", frames=5, shot=Shot(size=SIZE))
+    path = animate(pushed, tmp_path / f"motion.{kind}", frames=5, shot=RenderOptions(size=SIZE))
     if kind == "mp4":
         from imageio_ffmpeg import count_frames_and_secs
 
@@ -140,18 +140,20 @@ def test_mp4_without_its_extra(
 ) -> None:
     monkeypatch.setattr(images, "find_spec", lambda _: None)
     with pytest.raises(NoRendererError, match="pip install 'needlefem\\[video\\]'"):
-        animate(pushed, tmp_path / "motion.mp4", frames=2, shot=Shot(size=SIZE))
+        animate(pushed, tmp_path / "motion.mp4", frames=2, shot=RenderOptions(size=SIZE))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_panels(pushed: Insertion, tmp_path: Path) -> None:
-    with Image.open(panels(pushed, tmp_path / "p.png", count=4, shot=Shot(size=SIZE))) as picture:
+    with Image.open(
+        panels(pushed, tmp_path / "p.png", count=4, shot=RenderOptions(size=SIZE))
+    ) as picture:
         assert picture.size == (3 * SIZE[0] // 2, 2 * SIZE[1] // 2)
 
 
 def test_one_window_serves_all_frames(pushed: Insertion) -> None:
-    film = Film(pushed)
-    with Studio([film], Shot(size=SIZE), scale_times=[[0.0]]) as studio:
+    film = Timeline(pushed)
+    with Renderer([film], RenderOptions(size=SIZE), scale_times=[[0.0]]) as studio:
         before = len(studio.plotter.actors)
         first, *_, last = studio.pictures(np.linspace(0.0, film.times[-1], 4))
         assert len(studio.plotter.actors) == before
@@ -173,26 +175,26 @@ def test_own_image_covers_the_tissue(pushed: Insertion, tmp_path: Path) -> None:
     half = np.zeros((60, 60), dtype=np.uint8)
     half[:, 30:] = 255
     Image.fromarray(half).save(tmp_path / "slice.png")
-    shot = Shot(size=SIZE, texture=str(tmp_path / "slice.png"))
+    shot = RenderOptions(size=SIZE, texture=str(tmp_path / "slice.png"))
     with Image.open(render(pushed, tmp_path / "p.png", time=0.0, shot=shot)) as picture:
         grey = np.asarray(picture.convert("L"))
     black = np.flatnonzero(grey[100] < 20)
     assert black.size > 50
     assert black.max() < 170
     with pytest.raises(CaseError, match="texture: can't read 'none.png'"):
-        render(pushed, tmp_path / "p.png", shot=Shot(texture="none.png"))
+        render(pushed, tmp_path / "p.png", shot=RenderOptions(texture="none.png"))
 
 
 def test_a_block_of_tetrahedra_is_cut_open(block, gel: Scene) -> None:  # noqa: F811
     insertion = push(block, np.array([0.0, 0.0, 1.0]), solid(gel))
-    film = Film(insertion)
+    film = Timeline(insertion)
     plotter = renderer().Plotter(off_screen=True, window_size=[320, 240])
     canvas = Canvas(plotter, insertion.axis, Style())
-    surface = Surface(block, canvas.behind(block.mesh))
+    surface = SurfaceMesh(block, canvas.behind(block.mesh))
     normals = canvas.screen(surface.rest)[surface.polygons]
     assert normals[:, :, 2].min() < -0.015
     assert whole(canvas, film).height > 0.04
-    studio = Studio([film], Shot(size=SIZE), scale_times=[[0.0]])
+    studio = Renderer([film], RenderOptions(size=SIZE), scale_times=[[0.0]])
     with studio:
         assert isinstance(studio.views[0], View)
         image = studio.picture(film.moments([np.inf]))

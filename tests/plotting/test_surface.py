@@ -15,7 +15,7 @@ from needlefem.elements.quadrature import gauss, simplex
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.io.vtu import write_vtu
 from needlefem.materials import Isotropic
-from needlefem.plotting.surface import MOST, Surface
+from needlefem.plotting.surface import MOST, SurfaceMesh
 from tests.insertion.test_three_dimensions import TETRAHEDRON
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
@@ -56,7 +56,7 @@ def size(points: np.ndarray, polygons: np.ndarray) -> float:
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_plane_cells_are_as_curved_as_their_element(name: str) -> None:
     model = rectangle(CATALOGUE[name], GEL, 3)
-    surface, degree = Surface(model), 2 if name in CURVED else 1
+    surface, degree = SurfaceMesh(model), 2 if name in CURVED else 1
     assert surface.parts == (MOST if name in CURVED else 1)
     u = model.dof_vector(bent(model.nodes, degree))
     np.testing.assert_allclose(surface.displaced(u), bent(surface.rest, degree), atol=1e-12)
@@ -72,11 +72,11 @@ def test_plane_cells_are_as_curved_as_their_element(name: str) -> None:
 def test_faces_of_solids_are_drawn(kind: str) -> None:
     mesh, row = SOLIDS[kind]
     space = FunctionSpace(mesh.init_tensor(*3 * [np.linspace(0.0, 1.0, 4)]), row)
-    surface = Surface(space)
+    surface = SurfaceMesh(space)
     assert size(surface.rest, surface.polygons) == pytest.approx(6.0)
     u = space.dof_vector(bent(space.nodes, row.degree))
     np.testing.assert_allclose(surface.displaced(u), bent(surface.rest, row.degree), atol=1e-12)
-    half = Surface(space, space.mesh.p[2, space.mesh.t].mean(axis=0) < 1.0 / 3.0)
+    half = SurfaceMesh(space, space.mesh.p[2, space.mesh.t].mean(axis=0) < 1.0 / 3.0)
     assert size(half.rest, half.polygons) == pytest.approx(2.0 + 4.0 / 3.0)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from needlefem.geometry.contour import Contour
 from needlefem.insertion.simulation import simulate
-from needlefem.plotting.timeline import Film
+from needlefem.plotting.timeline import Timeline
 from needlefem.scene import Region, Scene, vary
 
 
@@ -13,7 +13,7 @@ def test_outlines_may_reach_out_of_the_tissue(organ: Scene) -> None:
     inside = insertion.scene.regions["organ"]
     corners = np.array([[0.05, 0.05], [0.07, 0.05], [0.05, 0.07]])
     regions = {"organ": inside, "partly": Region(contour=Contour(corners), material="stiff")}
-    film = Film(_with_regions(insertion, regions))
+    film = Timeline(_with_regions(insertion, regions))
     organ_outline, partly = film.moments([film.times[-1]])[0].contours
     assert np.abs(organ_outline - inside.contour.points).max() > 1e-6
     np.testing.assert_array_equal(partly[1:], corners[1:])

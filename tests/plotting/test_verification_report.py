@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 
 from needlefem.checks.models import square_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape, run_problem
+from needlefem.checks.reference_problem import (
+    Curve,
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    run_problem,
+)
 from needlefem.elements import CATALOGUE
 from needlefem.errors import NoRendererError
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem
 from needlefem.materials import Isotropic
 from needlefem.plotting import verification_report as page
-from needlefem.plotting.svg_charts import Bar, Line, bars, loglog
+from needlefem.plotting.svg_charts import Bar, ChartLine, bars, loglog
 
 
 class Strict(HTMLParser):
@@ -55,14 +62,18 @@ def made_up(*, failing: bool) -> Problem:
         order=2.0,
     )
     answers = [
-        Answer(label="a < b", value=1.0, reference=2.0 if failing else 1.0, tolerance=1e-3),
-        Answer(label="locks", value=3.0, reference=1.0, at_least=True, recorded=False),
+        Quantity(label="a < b", value=1.0, reference=2.0 if failing else 1.0, tolerance=1e-3),
+        Quantity(label="locks", value=3.0, reference=1.0, at_least=True, recorded=False),
     ]
-    findings = Findings(
-        answers=answers, curves=[curve], shapes=[Shape(title="moved", solution=solved)]
+    findings = ProblemResult(
+        quantities=answers, curves=[curve], shapes=[Shape(title="moved", solution=solved)]
     )
     return Problem(
-        name="made up", requirement="r & q", reference="none", why="w", run=lambda _: findings
+        name="made up",
+        requirement="r & q",
+        reference="none",
+        tolerance_rationale="w",
+        run=lambda _: findings,
     )
 
 
@@ -110,9 +121,9 @@ def test_own_record_is_held_to_1e_8(records: dict[str, float], verdict: bool) ->
 
 
 def test_exact_answers_have_no_place_on_logarithmic_axes() -> None:
-    exact = Line("exact", (10, 20), (0.0, 0.0))
+    exact = ChartLine("exact", (10, 20), (0.0, 0.0))
     assert loglog("t", "x", "y", [exact]) == ""
-    assert "exact" not in loglog("t", "x", "y", [exact, Line("other", (10, 20), (1e-2, 1e-3))])
+    assert "exact" not in loglog("t", "x", "y", [exact, ChartLine("other", (10, 20), (1e-2, 1e-3))])
 
 
 def test_bars_are_as_long_as_their_logarithms() -> None:

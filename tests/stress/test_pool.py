@@ -3,7 +3,7 @@
 import os
 import time
 
-from needlefem.stress.pool import Limits, Lost, work_through
+from needlefem.stress.pool import Lost, WorkerLimits, work_through
 
 
 def work(task: int) -> int:
@@ -20,7 +20,7 @@ def work(task: int) -> int:
 
 
 def test_every_task_has_an_answer() -> None:
-    limits = Limits(seconds=0.4, clock=60.0, memory=1e10)
+    limits = WorkerLimits(seconds=0.4, clock=60.0, memory=1e10)
     found = dict(work_through(work, [0, 1, 2, 3, 5], processes=2, limits=limits))
     assert found[0] == 0
     assert found[5] == 50
@@ -30,7 +30,7 @@ def test_every_task_has_an_answer() -> None:
 
 
 def test_a_task_that_sleeps_is_lost() -> None:
-    limits = Limits(seconds=0.4, clock=1.0, memory=1e10)
+    limits = WorkerLimits(seconds=0.4, clock=1.0, memory=1e10)
     [(task, answer)] = work_through(work, [4], processes=1, limits=limits)
     assert task == 4
     assert isinstance(answer, Lost)

@@ -9,13 +9,13 @@ import pytest
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.main import main
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.simulation import simulate
 from needlefem.insertion.state import TipPhase
 from needlefem.scene import Scene, Stage, vary
 from needlefem.stress import scenes
 from needlefem.stress.draw import draw_case
-from needlefem.stress.drawncase import Quantity, Units, in_units
+from needlefem.stress.drawncase import DrawnQuantity, Units, in_units
 from needlefem.stress.drawnfiles import write_drawn_case
 from needlefem.stress.sceneruns import SceneRun, faults_of
 from needlefem.stress.symmetry import ANGLE, distance, turned_mesh, turned_scene
@@ -60,9 +60,9 @@ def test_drawn_scenes_are_read(tmp_path: Path) -> None:
 
 def test_units_scale_by_their_exponents() -> None:
     units = Units(length=2.0, force=3.0, time=5.0)
-    assert units.of(Quantity(1.0, "pressure")).value == pytest.approx(3.0 / 4.0)
-    assert units.of(Quantity(1.0, "density")).value == pytest.approx(3.0 * 25.0 / 16.0)
-    assert units.of(Quantity(1.0, "speed")).value == pytest.approx(2.0 / 5.0)
+    assert units.of(DrawnQuantity(1.0, "pressure")).value == pytest.approx(3.0 / 4.0)
+    assert units.of(DrawnQuantity(1.0, "density")).value == pytest.approx(3.0 * 25.0 / 16.0)
+    assert units.of(DrawnQuantity(1.0, "speed")).value == pytest.approx(2.0 / 5.0)
     scaled = in_units(draw_case(1, 0), units)
     depth = draw_case(1, 0).data["motion"]["max_depth"].value
     assert scaled.data["motion"]["max_depth"].value == pytest.approx(2.0 * depth)
@@ -77,7 +77,7 @@ def stepped(gel: Scene) -> Scene:
 
 def test_faults_are_seen(stepped: Scene) -> None:
     sound = simulate(stepped)
-    energies = dataclasses.replace(ledger(sound), least=0.0)
+    energies = dataclasses.replace(energy_terms(sound), least=0.0)
     sound = dataclasses.replace(sound, energies=energies)
     assert list(faults_of(stepped, "run", sound)) == []
 
@@ -138,10 +138,11 @@ def test_one_scene_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_distance_is_infinite_where_status_differs() -> None:
-    from needlefem.stress.sceneruns import Answer
+    from needlefem.stress.sceneruns import SceneAnswer
 
-    one = Answer(status="completed", sentence="", points=np.zeros((1, 2)), path=np.zeros((0, 2)),
-                 depth=0.1)  # fmt: skip
+    one = SceneAnswer(
+        status="completed", sentence="", points=np.zeros((1, 2)), path=np.zeros((0, 2)), depth=0.1
+    )
     other = dataclasses.replace(one, status="restick")
     assert distance(one, one, np.eye(2))[0] == 0.0
     assert distance(one, other, np.eye(2))[0] == np.inf

@@ -5,14 +5,14 @@ import pytest
 
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import END, MEAN, Rubbing
+from verification.support.friction_system import END, MEAN, FrictionSystem
 
 ONE = np.ones((1, 1))
 
 
 @pytest.mark.parametrize("weights", [MEAN, END])
 def test_what_slid_is_caught_at_once_and_stays(weights: object) -> None:
-    mass = Rubbing(
+    mass = FrictionSystem(
         MatrixSystem(ONE, 0.0 * ONE), ONE, 1e4, SlipWeakeningFriction(), speed=1.0, weights=weights
     )
     states = list(mass.iterate(mass.start(np.zeros(1), np.zeros(1)), 1e-2, 50))
@@ -22,7 +22,9 @@ def test_what_slid_is_caught_at_once_and_stays(weights: object) -> None:
 
 
 def test_catching_takes_the_energy_of_an_inelastic_impact() -> None:
-    mass = Rubbing(MatrixSystem(ONE, 0.0 * ONE), ONE, 1e4, SlipWeakeningFriction(), speed=1.0)
+    mass = FrictionSystem(
+        MatrixSystem(ONE, 0.0 * ONE), ONE, 1e4, SlipWeakeningFriction(), speed=1.0
+    )
     start = mass.start(np.zeros(1), np.zeros(1))
     end = mass.last(start, 1e-2, 5)
     assert end.dissipated == pytest.approx(0.5)
@@ -30,7 +32,7 @@ def test_catching_takes_the_energy_of_an_inelastic_impact() -> None:
 
 
 def test_a_limit_bounds_the_force() -> None:
-    mass = Rubbing(MatrixSystem(ONE, ONE), ONE, 0.3, SlipWeakeningFriction(), speed=1.0)
+    mass = FrictionSystem(MatrixSystem(ONE, ONE), ONE, 0.3, SlipWeakeningFriction(), speed=1.0)
     state = mass.start(np.zeros(1), np.zeros(1))
     pulls = [abs(float(s.pull[0])) for s in mass.iterate(state, 0.05, 400)]
     assert max(pulls) <= 0.3
@@ -38,7 +40,7 @@ def test_a_limit_bounds_the_force() -> None:
 
 def test_two_points_stick_and_slip_each_on_its_own() -> None:
     system = MatrixSystem(np.eye(2), np.diag([1.0, 100.0]))
-    bar = Rubbing(system, np.eye(2), 1.0, SlipWeakeningFriction(1.2, 1e-2), speed=0.1)
+    bar = FrictionSystem(system, np.eye(2), 1.0, SlipWeakeningFriction(1.2, 1e-2), speed=0.1)
     start = bar.start(np.zeros(2), np.full(2, 0.1))
     seen = {tuple(state.slid != 0.0) for state in bar.iterate(start, 0.01, 1000)}
     assert {(False, False), (False, True)} <= seen

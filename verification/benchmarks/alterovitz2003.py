@@ -13,7 +13,7 @@ from needlefem.bench.timing import median
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
 from needlefem.planning.plan import plan
-from needlefem.planning.reference_solution import Exact
+from needlefem.planning.reference_solution import ReferenceSolution
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene
 from needlefem.scene.resolve import with_element
@@ -30,7 +30,7 @@ def run(case: str) -> Table:
         raise CaseError("target.point", "missing", "the benchmark plans for it")
     paper = median([paper_plan(scene).seconds for _ in range(ROUNDS)])
     own = median([own_plan(scene).seconds for _ in range(ROUNDS)])
-    table = race(scene, entrants(scene), Exact(scene, np.array(scene.target)))
+    table = race(scene, entrants(scene), ReferenceSolution(scene, np.array(scene.target)))
     ratio = paper / own
     note = (
         f"the method of 2003 takes {ratio:.1f} times as long ({paper:.2f} s of processor time "

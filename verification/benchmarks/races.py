@@ -7,8 +7,8 @@ from pathlib import Path
 from needlefem._table import Table
 from needlefem.bench.timing import median, seconds_of
 from needlefem.checks.reference_problem import load_problems
-from needlefem.checks.work_precision import Point, Race, front, seconds_to
-from needlefem.plotting.svg_charts import Line, loglog
+from needlefem.checks.work_precision import Point, WorkPrecision, front, seconds_to
+from needlefem.plotting.svg_charts import ChartLine, loglog
 
 PROBLEMS = "verification"
 ENOUGH = 1.2
@@ -57,12 +57,12 @@ def table_of(about: str, folder: str) -> Table:
     )
 
 
-def _races(about: str, folder: str) -> list[Race]:
+def _races(about: str, folder: str) -> list[WorkPrecision]:
     problems = load_problems(Path(folder or PROBLEMS))
     return [race for problem in problems for race in problem.races if race.about == about]
 
 
-def _run(race: Race) -> list[Point]:
+def _run(race: WorkPrecision) -> list[Point]:
     """Return the points of all entrants, level by level, until they take too long."""
     points: list[Point] = []
     running = list(race.entrants)
@@ -77,14 +77,14 @@ def _run(race: Race) -> list[Point]:
     return points
 
 
-def _times(race: Race, points: Sequence[Point]) -> Times:
+def _times(race: WorkPrecision, points: Sequence[Point]) -> Times:
     return {
         name: seconds_to(race.target, [p for p in points if p.entrant == name])
         for name in race.entrants
     }
 
 
-def _cell(name: str, seconds: Times, race: Race, best: bool) -> str:
+def _cell(name: str, seconds: Times, race: WorkPrecision, best: bool) -> str:
     value = seconds.get(name, math.inf)
     number = f"{1e3 * value:.3g}" if math.isfinite(value) else "-"
     return f"{'>' if name in race.defaults else ''}{number}{'*' if best else ''}"
@@ -96,7 +96,7 @@ def _mean(values: Sequence[float]) -> float:
     return math.exp(sum(math.log(value) for value in values) / len(values))
 
 
-def _beaten(race: Race, means: Times) -> list[str]:
+def _beaten(race: WorkPrecision, means: Times) -> list[str]:
     """Say which defaults another of their rivals beats."""
     found = []
     for name in race.defaults:
@@ -107,13 +107,13 @@ def _beaten(race: Race, means: Times) -> list[str]:
     return found
 
 
-def _chart(race: Race, points: Sequence[Point]) -> str:
+def _chart(race: WorkPrecision, points: Sequence[Point]) -> str:
     """Draw error over seconds; points that no other beats are ringed."""
     lines, best = [], front(points)
     for name in race.entrants:
         own = [p for p in points if p.entrant == name and p.error > 0.0]
         ringed = [place for place, p in enumerate(own) if p in best]
         if own:
-            lines.append(Line(name, [p.seconds for p in own], [p.error for p in own], ringed))
+            lines.append(ChartLine(name, [p.seconds for p in own], [p.error for p in own], ringed))
     title = f"{race.title}: {race.quantity} (ringed: beaten by none)"
     return loglog(title, "seconds", "relative error", lines)

@@ -13,8 +13,8 @@ from needlefem.casefile.load import load_case
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import simulate
 from needlefem.plotting.images import Image, save_moving
-from needlefem.plotting.render import Shot, Studio, animate, frame_times
-from needlefem.plotting.timeline import Film
+from needlefem.plotting.render import Renderer, RenderOptions, animate, frame_times
+from needlefem.plotting.timeline import Timeline
 
 FRAMES = 60
 SIZE = (1280, 720)
@@ -29,9 +29,9 @@ VARIANTS = ((), ("discretisation.element=P2",), ("mesh.divisions=[84, 84]",))
 class Bare:
     """Meshes and plotter that are there from the start, and their points in every frame."""
 
-    def __init__(self, film: Film, shot: Shot) -> None:
+    def __init__(self, film: Timeline, shot: RenderOptions) -> None:
         times = frame_times([film], FRAMES)
-        studio = Studio([film], shot, scale_times=[times])
+        studio = Renderer([film], shot, scale_times=[times])
         self._plotter = studio.plotter
         mappers: list[Any] = [
             getattr(actor, "mapper", None) for actor in self._plotter.actors.values()
@@ -70,7 +70,9 @@ def run(case: str) -> Table:
         element = insertion.model.element.name
         with tempfile.TemporaryDirectory() as folder:
             for field in ("", "displacement"):
-                ours, bare = _times(insertion, Shot(field=field, size=SIZE), Path(folder) / "a.gif")
+                ours, bare = _times(
+                    insertion, RenderOptions(field=field, size=SIZE), Path(folder) / "a.gif"
+                )
                 cells = insertion.model.mesh.nelements
                 worst = max(worst, ours / bare)
                 rows.append([cells, element, field or "regions", ours, bare, ours / bare])
@@ -85,9 +87,9 @@ def run(case: str) -> Table:
     )
 
 
-def _times(insertion: Insertion, shot: Shot, file: Path) -> tuple[float, float]:
+def _times(insertion: Insertion, shot: RenderOptions, file: Path) -> tuple[float, float]:
     """Return the median seconds of our animation and of the bare loop."""
-    bare = Bare(Film(insertion), shot)
+    bare = Bare(Timeline(insertion), shot)
     seconds = in_turn(
         {
             "ours": lambda: animate(insertion, file, frames=FRAMES, rate=RATE, shot=shot),

@@ -20,7 +20,7 @@ from needlefem.fem.factorization import SuperLUFactor
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.generation import cell_sizes, name_faces, name_regions
 from needlefem.planning.planner import Planner
-from needlefem.plotting.svg_charts import Line, loglog
+from needlefem.plotting.svg_charts import ChartLine, loglog
 from needlefem.scene import Scene
 from needlefem.scene.build import build_mesh, build_model
 from needlefem.scene.resolve import resolve
@@ -103,7 +103,7 @@ def _chart(found: Sequence[Measured]) -> str:
         "responses and plan": [one.responses_and_plan for one in found],
         "insertion": [one.insertion for one in found],
     }
-    lines = [Line(name, unknowns, values, []) for name, values in curves.items()]
+    lines = [ChartLine(name, unknowns, values, []) for name, values in curves.items()]
     return loglog("a plan as the mesh grows around the corridor", "unknowns", "seconds", lines)
 
 

@@ -21,7 +21,7 @@ from needlefem.dynamics import (
     TissueSystem,
 )
 from needlefem.errors import CaseError
-from needlefem.plotting.svg_charts import Line, loglog
+from needlefem.plotting.svg_charts import ChartLine, loglog
 from needlefem.scene import BoxMesh, Scene
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve, with_element
@@ -68,7 +68,7 @@ def run(case: str) -> Table:
 
 def _chart(rows: list[list[Any]]) -> str:
     lines = [
-        Line(
+        ChartLine(
             SHORT.get(name, name),
             *zip(*((row[0], row[2]) for row in rows if row[1] == name), strict=True),
         )

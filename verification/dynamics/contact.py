@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.sparse import diags_array
 
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import GeneralizedAlpha, MatrixSystem, Newmark, kinetic_energy
 from needlefem.dynamics.steppers import AlphaParameters
-from verification.support.friction_system import END, MEAN, Rest, Rubbing
+from verification.support.friction_system import END, MEAN, FrictionState, FrictionSystem
 
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
 """Error of the end of a bar fixed at the other, of `critical_step`."""
@@ -25,12 +25,18 @@ def bar(cells: int) -> MatrixSystem:
     return MatrixSystem(mass, stiffness)
 
 
-def pulled(cells: int, limit: float) -> tuple[Rubbing, list[Rest]]:
+def pulled(cells: int, limit: float) -> tuple[FrictionSystem, list[FrictionState]]:
     """Return a bar held by friction at one end, pulled by a unit force at the other from 0 on."""
     still, step = np.zeros(cells + 1), 0.5 / cells
     force = np.append(still[1:], 1.0)
-    held = Rubbing(bar(cells), np.eye(cells + 1)[:1], limit, SlipWeakeningFriction(), speed=0.0,
-                   load=lambda _: force)  # fmt: skip
+    held = FrictionSystem(
+        bar(cells),
+        np.eye(cells + 1)[:1],
+        limit,
+        SlipWeakeningFriction(),
+        speed=0.0,
+        load=lambda _: force,
+    )
     start = held.start(still, still)
     return held, [start, *held.iterate(start, step, round(8.0 / step))]
 
@@ -49,7 +55,7 @@ def wave(cells: int) -> tuple[float, float, float]:
 def pushed(steps: int, weights: AlphaParameters) -> float:
     """Return what is missing, over the work, for a mass that is pushed on a rough floor."""
     one = np.ones((1, 1))
-    mass = Rubbing(MatrixSystem(one, one), one, 0.4, SlipWeakeningFriction(), speed=0.0,
+    mass = FrictionSystem(MatrixSystem(one, one), one, 0.4, SlipWeakeningFriction(), speed=0.0,
                    load=lambda time: np.array([np.sin(0.9 * time)]), weights=weights)  # fmt: skip
     start = mass.start(np.zeros(1), np.zeros(1))
     return mass.missing(start, mass.last(start, 20.0 / steps, steps))
@@ -72,7 +78,7 @@ def caught(integrator: Newmark | GeneralizedAlpha, steps: int) -> tuple[float, f
 def caught_by_velocity(steps: int) -> float:
     """Return the velocity left in a point that slid and sticks, against that of what moves."""
     one = np.ones((1, 1))
-    mass = Rubbing(MatrixSystem(one, one), one, 1e3, SlipWeakeningFriction(), speed=1.0)
+    mass = FrictionSystem(MatrixSystem(one, one), one, 1e3, SlipWeakeningFriction(), speed=1.0)
     found = mass.last(mass.start(np.zeros(1), np.zeros(1)), 1e-2, steps)
     return abs(float(found.motion.v[0]) - 1.0)
 
@@ -87,7 +93,7 @@ def cycles(count: int, steps: int) -> tuple[float, float, float]:
     tether = system.stiffness + diags_array([1.0, *still[1:]])
     system = MatrixSystem(system.mass, tether, 0.05 * tether + system.mass)
     rubbings = [
-        Rubbing(
+        FrictionSystem(
             system, np.eye(CELLS + 1)[1::2], 0.02, SlipWeakeningFriction(RATIO, LENGTH), speed=speed
         )
         for speed in (0.02, 0.0, -0.02, 0.0)
@@ -107,7 +113,7 @@ def cycles(count: int, steps: int) -> tuple[float, float, float]:
     return abs(means[-1] - means[-2]) / size, growth, rubbings[0].missing(start, state)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Hold a bar by friction, push a mass, catch a point, rub for very long."""
     answers = []
     for cells, rms in RMS.items():
@@ -115,63 +121,65 @@ def run(quick: bool) -> Findings:
             continue
         found, pulling, moved = wave(cells)
         answers += [
-            Answer(label=f"{cells} cells held by friction: end of the bar", value=found,
+            Quantity(label=f"{cells} cells held by friction: end of the bar", value=found,
                    reference=rms, tolerance=4e-2),
-            Answer(label=f"{cells} cells: multiplier, mean of two periods", value=pulling,
+            Quantity(label=f"{cells} cells: multiplier, mean of two periods", value=pulling,
                    reference=-1.0, tolerance=1e-2),
-            Answer(label=f"{cells} cells: held end moves", value=moved, tolerance=1e-12,
+            Quantity(label=f"{cells} cells: held end moves", value=moved, tolerance=1e-12,
                    recorded=False),
         ]  # fmt: skip
     sliding, states = pulled(20, 1.5)
     answers.append(
-        Answer(
+        Quantity(
             label="held end slides: not accounted for",
             tolerance=1e-12,
             value=sliding.missing(states[0], states[-1]),
             recorded=False,
         )
     )
-    answers.append(Answer(label="friction, mean force: missing", value=pushed(4000, MEAN),
+    answers.append(Quantity(label="friction, mean force: missing", value=pushed(4000, MEAN),
                           tolerance=1e-10, recorded=False))  # fmt: skip
     answers += ringing_answers()
-    return Findings(answers=answers if quick else answers + end_force_answers() + long_answers())
+    return ProblemResult(
+        quantities=answers if quick else answers + end_force_answers() + long_answers()
+    )
 
 
-def end_force_answers() -> list[Answer]:
+def end_force_answers() -> list[Quantity]:
     """Push a mass with the friction of each step's end: the error falls with the step squared."""
     coarse, fine = (pushed(n, END) for n in (2000, 16000))
     return [
-        Answer(label="friction, force at the end, 16000 steps: missing", value=fine,
+        Quantity(label="friction, force at the end, 16000 steps: missing", value=fine,
                tolerance=1e-6, recorded=False),
-        Answer(label="friction, force at the end: falls by, at 8 times the steps",
+        Quantity(label="friction, force at the end: falls by, at 8 times the steps",
                value=coarse / fine, reference=50.0, at_least=True, recorded=False),
     ]  # fmt: skip
 
 
-def ringing_answers() -> list[Answer]:
+def ringing_answers() -> list[Quantity]:
     """Show that average acceleration rings where displacement is bound, and what does not."""
     average, damped = caught(Newmark(), 1000), caught(GeneralizedAlpha(rho_inf=0.8), 200)
     return [
-        Answer(label="caught by displacement, average acceleration: velocity left",
+        Quantity(label="caught by displacement, average acceleration: velocity left",
                value=average[0], reference=1.0, tolerance=1e-9),
-        Answer(label="caught by displacement, average acceleration: acceleration grows by",
+        Quantity(label="caught by displacement, average acceleration: acceleration grows by",
                value=average[1], reference=500.0, at_least=True, recorded=False),
-        Answer(label="caught by displacement, generalised-alpha 0.8: velocity left",
+        Quantity(label="caught by displacement, generalised-alpha 0.8: velocity left",
                value=damped[0], tolerance=1e-12, recorded=False),
-        Answer(label="caught by velocity, average acceleration: velocity left",
+        Quantity(label="caught by velocity, average acceleration: velocity left",
                value=caught_by_velocity(1000), tolerance=1e-12, recorded=False),
     ]  # fmt: skip
 
 
-def long_answers() -> list[Answer]:
+def long_answers() -> list[Quantity]:
     """Rub for 1e5 steps: shakedown takes some hundred cycles."""
     drift, growth, missing = cycles(500, 50)
     label = "1e5 steps of stick-slip and rest"
     return [
-        Answer(label=f"{label}: drift of a cycle", value=drift, tolerance=1e-9, recorded=False),
-        Answer(label=f"{label}: largest energy, second half over first", value=growth,
+        Quantity(label=f"{label}: drift of a cycle", value=drift, tolerance=1e-9, recorded=False),
+        Quantity(label=f"{label}: largest energy, second half over first", value=growth,
                tolerance=1.0 + 1e-9, recorded=False),
-        Answer(label=f"{label}: energy missing", value=missing, tolerance=1e-9, recorded=False),
+        Quantity(label=f"{label}: energy missing", value=missing, tolerance=1e-9, recorded=False),
     ]  # fmt: skip
 
 
@@ -181,7 +189,8 @@ PROBLEM = Problem(
     "energy is missing where it slides; a caught point does not ring; nothing drifts.",
     reference="exact: J. le Rond d'Alembert 1747; the same bar without contact; first law; "
     "eigenvalues of bound motion",
-    why="two digits of another code; round-off with mean forces, second order with forces of the "
+    tolerance_rationale="two digits of another code; round-off with mean forces, second order "
+    "with forces of the "
     "step's end",
     run=run,
 )

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.sparse.linalg import spsolve
 
 from needlefem.checks.models import rectangle, square_mesh, tissue
-from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.checks.work_precision import INTEGRATORS, WAVES, Race, implicit_and_explicit
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks.work_precision import INTEGRATORS, WAVES, WorkPrecision, implicit_and_explicit
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -109,7 +109,7 @@ def slow_push(lumping: str | None, integrator: Integrator, steps: int) -> tuple[
     return system.size, worst / float(np.linalg.norm(amplitude))
 
 
-def orders(quick: bool) -> list[Answer]:
+def orders(quick: bool) -> list[Quantity]:
     """Halve cells and steps together."""
     answers = []
     for name, element in CATALOGUE.items():
@@ -122,26 +122,26 @@ def orders(quick: bool) -> list[Answer]:
             )
             label = f"{name}, {lumping or 'consistent'} mass"
             answers += [
-                Answer(label=f"vibration, {label}: error", value=error, tolerance=LIMITS[
+                Quantity(label=f"vibration, {label}: error", value=error, tolerance=LIMITS[
                     element.degree]),
-                Answer(label=f"vibration, {label}: order, no less",
+                Quantity(label=f"vibration, {label}: order, no less",
                        value=float(np.log2(coarse / error)), reference=1.9, at_least=True,
                        recorded=False),
             ]  # fmt: skip
     return answers
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare both motions with their exact ones."""
     answers = orders(quick)
     for name, (integrator, lumped) in CHOICES.items():
         if isinstance(integrator, CentralDifference) and quick:
             continue
         error = slow_push("row-sum" if lumped else None, integrator, 100)[1]
-        answers.append(Answer(label=f"slow push, {name}: error", value=error, tolerance=3e-6))
+        answers.append(Quantity(label=f"slow push, {name}: error", value=error, tolerance=3e-6))
     error = slow_push(None, QuasiStatic(), 100)[1]
-    answers.append(Answer(label="slow push, without inertia: error", value=error, tolerance=5e-3))
-    return Findings(answers=answers)
+    answers.append(Quantity(label="slow push, without inertia: error", value=error, tolerance=5e-3))
+    return ProblemResult(quantities=answers)
 
 
 def _vibrating(integrator: Integrator, lumped: bool) -> Callable[[int], tuple[int, float]]:
@@ -155,7 +155,7 @@ def _pushed(integrator: Integrator, lumped: bool) -> Callable[[int], tuple[int, 
 
 
 RACES = [
-    Race(
+    WorkPrecision(
         title="free vibration, Q2",
         quantity="displacement",
         about=INTEGRATORS,
@@ -167,7 +167,7 @@ RACES = [
         defaults=WAVES[1],
         rivals=implicit_and_explicit(CHOICES),
     ),
-    Race(
+    WorkPrecision(
         title="slow push, Q2",
         quantity="displacement",
         about=INTEGRATORS,
@@ -188,7 +188,8 @@ PROBLEM = Problem(
     requirement="A free square vibrates as Lame's mode does, in space and time; one that is held "
     "follows a slow push.",
     reference="exact: G. Lame 1852; the push by its complex amplitude, without any steps",
-    why="second order in the step, and in the size of linear elements; the push with 100 steps a "
+    tolerance_rationale="second order in the step, and in the size of linear elements; the push "
+    "with 100 steps a "
     "period; without inertia what is missing is (w / w1)^2",
     run=run,
     races=RACES,

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import diags_array
 
 from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
-from needlefem.checks.work_precision import INTEGRATORS, WAVES, Race, implicit_and_explicit
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks.work_precision import INTEGRATORS, WAVES, WorkPrecision, implicit_and_explicit
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -98,27 +98,27 @@ def refused() -> float:
     return 0.0
 
 
-def limits() -> list[Answer]:
+def limits() -> list[Quantity]:
     """Take a bar to the limit and beyond."""
     exact = 1.0 / CELLS / np.sin(0.5 * np.pi * (1.0 - 0.5 / CELLS))
     system = bar(CELLS)
     at_limit, later = grown(system, 1.0), grown(system, 1.0, 10_000)
     return [
-        Answer(label="critical step", value=critical_step(system), reference=exact,
+        Quantity(label="critical step", value=critical_step(system), reference=exact,
                tolerance=1e-8),
-        Answer(label="0.999 of the limit: growth", value=grown(system, 0.999), tolerance=30.0,
+        Quantity(label="0.999 of the limit: growth", value=grown(system, 0.999), tolerance=30.0,
                recorded=False),
-        Answer(label="at the limit: growth", value=at_limit, reference=100.0, at_least=True,
+        Quantity(label="at the limit: growth", value=at_limit, reference=100.0, at_least=True,
                recorded=False),
-        Answer(label="at the limit: growth in twice the steps, over that", value=later / at_limit,
+        Quantity(label="at the limit: growth in twice the steps, over that", value=later / at_limit,
                reference=2.0, tolerance=2e-2, recorded=False),
-        Answer(label="1.001 of the limit: growth", value=min(grown(system, 1.001), 1e300),
+        Quantity(label="1.001 of the limit: growth", value=min(grown(system, 1.001), 1e300),
                reference=1e100, at_least=True, recorded=False),
-        Answer(label="1.001 of the limit: refused", value=refused(), reference=1.0),
+        Quantity(label="1.001 of the limit: refused", value=refused(), reference=1.0),
     ]  # fmt: skip
 
 
-def of_tissues(quick: bool) -> list[Answer]:
+def of_tissues(quick: bool) -> list[Quantity]:
     """Take tissues of every element and kind of mass to just below and above their limits."""
     answers = []
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
@@ -127,25 +127,25 @@ def of_tissues(quick: bool) -> list[Answer]:
             system = TissueSystem(rectangle(element, law, 4), lumping=lumping)
             label = f"{name}, {lumping or 'consistent'} mass"
             answers += [
-                Answer(label=f"{label}, 0.999 of the limit: growth", tolerance=30.0,
+                Quantity(label=f"{label}, 0.999 of the limit: growth", tolerance=30.0,
                        value=grown(system, 0.999, 1000), recorded=False),
-                Answer(label=f"{label}, 1.001 of the limit: growth", reference=1e30,
+                Quantity(label=f"{label}, 1.001 of the limit: growth", reference=1e30,
                        value=grown(system, 1.001, 1000), at_least=True, recorded=False),
             ]  # fmt: skip
     return answers
 
 
-def waves() -> list[Answer]:
+def waves() -> list[Quantity]:
     """Send a wave through the bar by every integrator and kind of mass."""
     exact = impact(CentralDifference(), bar(CELLS), 1.0, 20.0)[0]
-    answers = [Answer(label="central difference: end of the bar, 20 transits", value=exact,
+    answers = [Quantity(label="central difference: end of the bar, 20 transits", value=exact,
                       tolerance=1e-12, recorded=False)]  # fmt: skip
     for cells, rms in RMS.items():
         found, ringing = impact(Newmark(), bar(cells, lumped=False), 0.5, 8.0)
         answers += [
-            Answer(label=f"Newmark, {cells} cells: end of the bar", value=found, reference=rms,
+            Quantity(label=f"Newmark, {cells} cells: end of the bar", value=found, reference=rms,
                    tolerance=4e-2),
-            Answer(label=f"Newmark, {cells} cells: force rings to", value=ringing,
+            Quantity(label=f"Newmark, {cells} cells: force rings to", value=ringing,
                    reference=RINGING, tolerance=1.6e-2),
         ]  # fmt: skip
     for name, integrator in IN_A_BAR.items():
@@ -154,35 +154,35 @@ def waves() -> list[Answer]:
             fine, ringing = impact(integrator, bar(80, lumped=lumped), 0.5, 8.0)
             label = f"{name}, {'lumped' if lumped else 'consistent'} mass, 80 cells"
             answers += [
-                Answer(label=f"{label}: end of the bar", value=fine, tolerance=5.5e-3),
-                Answer(label=f"{label}: better than 20 cells by", value=coarse / fine,
+                Quantity(label=f"{label}: end of the bar", value=fine, tolerance=5.5e-3),
+                Quantity(label=f"{label}: better than 20 cells by", value=coarse / fine,
                        reference=3.5, at_least=True),
-                Answer(label=f"{label}: force rings to, no less", value=ringing, reference=2.4,
+                Quantity(label=f"{label}: force rings to, no less", value=ringing, reference=2.4,
                        at_least=True),
             ]  # fmt: skip
     return answers
 
 
-def damped_and_still() -> list[Answer]:
+def damped_and_still() -> list[Quantity]:
     """Damp the ringing by the integrator; leave inertia out."""
     answers = []
     loudest = impact(Newmark(), bar(80, lumped=False), 0.5, 8.0)[1]
     for name in ("HHT -0.3", "generalised-alpha 0.5"):
         rings = impact(IN_A_BAR[name], bar(80, lumped=False), 0.5, 8.0)[1]
         label = f"{name}, 80 cells: rings less than Newmark by"
-        answers.append(Answer(label=label, value=loudest - rings, reference=0.02, at_least=True))
+        answers.append(Quantity(label=label, value=loudest - rings, reference=0.02, at_least=True))
     rms, force = impact(QuasiStatic(), bar(80), 0.5, 8.0)
     return [
         *answers,
-        Answer(label="quasi-static: end of the bar", value=rms, reference=3.0**-0.5,
+        Quantity(label="quasi-static: end of the bar", value=rms, reference=3.0**-0.5,
                tolerance=1e-4),
-        Answer(label="quasi-static: force", value=force, reference=1.0, tolerance=1e-10),
+        Quantity(label="quasi-static: force", value=force, reference=1.0, tolerance=1e-10),
     ]  # fmt: skip
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Go to the limit and beyond, then send a wave through the bar."""
-    return Findings(answers=[*limits(), *of_tissues(quick), *waves(), *damped_and_still()])
+    return ProblemResult(quantities=[*limits(), *of_tissues(quick), *waves(), *damped_and_still()])
 
 
 CHOICES: dict[str, tuple[Integrator, bool]] = {
@@ -211,7 +211,7 @@ def racing(integrator: Integrator, lumped: bool) -> Callable[[int], tuple[int, f
 
 
 RACES = [
-    Race(
+    WorkPrecision(
         title="step load on a bar",
         quantity="displacement of its end, rms",
         about=INTEGRATORS,
@@ -231,7 +231,8 @@ PROBLEM = Problem(
     "numerical damping quietens it; without inertia there is no wave.",
     reference="exact: J. le Rond d'Alembert 1747; rms and ringing of average acceleration by "
     "another code (consistent mass, half a cell a step, two periods)",
-    why="round-off; two digits of another code; ringing (Gibbs) does not go away with cells; a "
+    tolerance_rationale="round-off; two digits of another code; ringing (Gibbs) does not go away "
+    "with cells; a "
     "wave front costs all integrators the order 2: here errors fall with the cells",
     run=run,
     races=RACES,

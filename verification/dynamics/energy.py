@@ -3,7 +3,7 @@
 from needlefem.checks.energy import energy_drift
 from needlefem.checks.modal import eigenfrequencies
 from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 
@@ -15,7 +15,7 @@ STRESSES = (("P2", 0.4999, 0.05), ("P2-P1", 0.4999, 0.05), ("P2", 0.3, 5.0))
 
 def drift(
     name: str, ratio: float, share: float, lumping: str | None = None, steps: int = STEPS
-) -> Answer:
+) -> Quantity:
     """Let a held square vibrate for many steps of a share of its longest period."""
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio, density=1.0)
     model = rectangle(CATALOGUE[name], law, 4)
@@ -24,23 +24,23 @@ def drift(
     about = "" if (ratio, share) == (0.3, 0.05) else f", nu {ratio}, step {share:g} T"
     mass = f", {lumping} mass" if lumping else ""
     label = f"{name}{mass}{about}: largest drift over {steps} steps"
-    return Answer(label=label, value=found, tolerance=1e-9, recorded=False)
+    return Quantity(label=label, value=found, tolerance=1e-9, recorded=False)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Vibrate by every element, by consistent and by lumped mass, then under stress."""
     answers = [drift(name, 0.3, 0.05, steps=QUICK_STEPS) for name in ("P1", "P2")]
     if quick:
-        return Findings(answers=answers)
+        return ProblemResult(quantities=answers)
     answers += [drift(name, 0.3, 0.05) for name in CATALOGUE]
     answers += [drift(name, 0.3, 0.05, row.lumpings[0]) for name, row in CATALOGUE.items()]
-    return Findings(answers=answers + [drift(*stress) for stress in STRESSES])
+    return ProblemResult(quantities=answers + [drift(*stress) for stress in STRESSES])
 
 
 PROBLEM = Problem(
     name="energy of free vibration",
     requirement="Average acceleration without damping neither gains nor loses energy.",
     reference="exact; T. Belytschko, D. F. Schoeberle 1975",
-    why="round-off of 1e5 steps",
+    tolerance_rationale="round-off of 1e5 steps",
     run=run,
 )

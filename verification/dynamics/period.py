@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.integrator_checks import order, period_error, principal
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import HHT, CentralDifference, GeneralizedAlpha, Newmark
 from verification.support.generalized_alpha_theory import period
 
@@ -27,17 +27,17 @@ FAMILY = {
 """With alpha_m, alpha_f, beta, gamma as their authors give them."""
 
 
-def periods() -> list[Answer]:
+def periods() -> list[Quantity]:
     """Compare the periods of the whole family with the roots of its cubic."""
     return [
-        Answer(label=f"{name}, dt/T {share}: period",
+        Quantity(label=f"{name}, dt/T {share}: period",
                value=1.0 + period_error(integrator, 2.0 * np.pi * share),
                reference=period(*weights, step=2.0 * np.pi * share), tolerance=1e-8)
         for name, (integrator, weights) in FAMILY.items() for share in STEPS
     ]  # fmt: skip
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare periods with the formulas, and count orders."""
     answers = periods()
     formulas = {"Newmark": np.arctan, "central difference": np.arcsin}
@@ -47,12 +47,12 @@ def run(quick: bool) -> Findings:
             exact = 0.5 * step / float(inverse(0.5 * step)) - 1.0
             found = period_error(SECOND_ORDER[name], step)
             answers.append(
-                Answer(label=f"{name}, dt/T {share}: period", value=1.0 + found,
+                Quantity(label=f"{name}, dt/T {share}: period", value=1.0 + found,
                        reference=1.0 + exact, tolerance=1e-8)
             )  # fmt: skip
             kept = abs(abs(principal(SECOND_ORDER[name], step)) - 1.0)
             answers.append(
-                Answer(label=f"{name}, dt/T {share}: amplitude lost", value=kept, tolerance=1e-13,
+                Quantity(label=f"{name}, dt/T {share}: amplitude lost", value=kept, tolerance=1e-13,
                        recorded=False)
             )  # fmt: skip
     for name, integrator in SECOND_ORDER.items():
@@ -60,9 +60,9 @@ def run(quick: bool) -> Findings:
             label = f"{name}: order, {'pushed' if pushed else 'free'}"
             found = order(integrator, pushed=pushed)
             answers.append(
-                Answer(label=label, value=found, reference=2.0, tolerance=0.025, recorded=False)
+                Quantity(label=label, value=found, reference=2.0, tolerance=0.025, recorded=False)
             )
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -72,6 +72,6 @@ PROBLEM = Problem(
     reference="exact: (O/2) / atan(O/2) for average acceleration, (O/2) / asin(O/2) for central "
     "differences, O = w dt; T. J. R. Hughes 2000; others by the roots of their characteristic "
     "polynomial",
-    why="round-off; orders within 0.05",
+    tolerance_rationale="round-off; orders within 0.05",
     run=run,
 )

@@ -1,7 +1,7 @@
 """D3: what the step can't follow is damped as designed."""
 
 from needlefem.checks.integrator_checks import spectral_radius
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import HHT, GeneralizedAlpha, Integrator, Newmark
 from verification.support import generalized_alpha_theory as family
 
@@ -29,7 +29,7 @@ FAMILY: dict[str, tuple[Integrator, tuple[float, ...]]] = {
 """With alpha_m, alpha_f, beta, gamma as their authors give them."""
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare radii at moderate steps with the tables, at a huge one with the design."""
     answers = []
     for alpha, radii in HHT_RADII.items():
@@ -39,23 +39,26 @@ def run(quick: bool) -> Findings:
     for rho, radii in ALPHA_RADII.items():
         answers += _compare(f"generalised-alpha {rho}", GeneralizedAlpha(rho_inf=rho), radii, rho)
     answers += [
-        Answer(label=f"{name}: formula at w dt {step:g}", value=spectral_radius(integrator, step),
+        Quantity(label=f"{name}: formula at w dt {step:g}", value=spectral_radius(integrator, step),
                reference=family.radius(*weights, step=step), tolerance=1e-8)
         for name, (integrator, weights) in FAMILY.items() for step in STEPS
     ]  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 def _compare(
     name: str, integrator: HHT | GeneralizedAlpha, radii: tuple[float, ...], limit: float
-) -> list[Answer]:
+) -> list[Quantity]:
     answers = [
-        Answer(label=f"{name}: at w dt {step:g}", value=spectral_radius(integrator, step),
+        Quantity(label=f"{name}: at w dt {step:g}", value=spectral_radius(integrator, step),
                reference=radius, tolerance=1e-6 / radius)
         for step, radius in zip((1.0, 10.0), radii, strict=True)
     ]  # fmt: skip
     off = abs(spectral_radius(integrator, FAR) - limit)
-    return [*answers, Answer(label=f"{name}: far off", value=off, tolerance=1.1e-4, recorded=False)]
+    return [
+        *answers,
+        Quantity(label=f"{name}: far off", value=off, tolerance=1.1e-4, recorded=False),
+    ]
 
 
 PROBLEM = Problem(
@@ -64,7 +67,8 @@ PROBLEM = Problem(
     "their parameter says, and slow motion hardly.",
     reference="H. M. Hilber, T. J. R. Hughes, R. L. Taylor 1977; J. Chung, G. M. Hulbert 1993; the "
     "roots of the characteristic polynomial",
-    why="the last digit given; 1e-8 of the formula; at w dt = 1e6 coinciding eigenvalues are still "
+    tolerance_rationale="the last digit given; 1e-8 of the formula; at w dt = 1e6 coinciding "
+    "eigenvalues are still "
     "up to 1e-4 from their limit",
     run=run,
 )

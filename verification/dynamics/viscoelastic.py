@@ -6,16 +6,16 @@ from scipy.sparse.linalg import spsolve
 
 from needlefem._arrays import Floats
 from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
-    EnergyLedger,
     GeneralizedAlpha,
     MatrixSystem,
     Newmark,
     QuasiStatic,
     Stepper,
+    TissueEnergyBalance,
     TissueSystem,
 )
 from needlefem.dynamics.histories import constant, iterate, last
@@ -56,7 +56,7 @@ def sheared(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
     return model, force[model.free_dofs]
 
 
-def of_the_law() -> list[Answer]:
+def of_the_law() -> list[Quantity]:
     """Shear a material point evenly, in steps as long as its memory, and hold it."""
     law, rate, duration = tissue_of(0.3), 0.01, 1.0
     direction = np.zeros((3, 3))
@@ -76,12 +76,12 @@ def of_the_law() -> list[Answer]:
                 left = np.exp(-max(time - duration, 0.0) / relaxation)
                 exact += modulus * relaxation * rate * pulled * left
             label = f"law: stress after {time:g} s"
-            answers.append(Answer(label=label, value=float(found.stress[0, 1]), reference=exact,
+            answers.append(Quantity(label=label, value=float(found.stress[0, 1]), reference=exact,
                                   tolerance=1e-12))  # fmt: skip
     return answers
 
 
-def relaxation() -> list[Answer]:
+def relaxation() -> list[Quantity]:
     """Move a side at once and hold it: the force falls as the shear modulus does."""
     law = tissue_of(0.5)
     model, along = pulled("P2-P1", law)
@@ -94,7 +94,7 @@ def relaxation() -> list[Answer]:
         force = (place - along @ free) / (along @ answer)
         motion = stepper.advance(motion, free + force * answer)
         exact = law.shear_modulus(0.25 * number) / law.shear_modulus(0.0)
-        answers.append(Answer(label=f"relaxation: force after {0.25 * number:g} s", value=force,
+        answers.append(Quantity(label=f"relaxation: force after {0.25 * number:g} s", value=force,
                               reference=exact, tolerance=1e-10))  # fmt: skip
     return answers
 
@@ -113,7 +113,7 @@ def creep_error(steps: int) -> float:
     return abs(float(force @ found.u / (force @ relaxed)) / exact - 1.0)
 
 
-def loss(name: str, per_period: int) -> list[Answer]:
+def loss(name: str, per_period: int) -> list[Quantity]:
     """Compare the amplitude under a vibrating load, stepped in time, with the complex problem's."""
     law = tissue_of(0.3)
     model, force = sheared(name, law)
@@ -122,7 +122,7 @@ def loss(name: str, per_period: int) -> list[Answer]:
     periods = 20  # six times the longest memory: what the start did has died out
     stepper = QuasiStatic().stepper(system, step)
     motion = stepper.start(np.zeros_like(force), np.zeros_like(force))
-    found, ledger = 0.0 + 0.0j, EnergyLedger(stepper)
+    found, ledger = 0.0 + 0.0j, TissueEnergyBalance(stepper)
     for number in range(periods * per_period):
         before, after = (np.sin(omega * step * n) * force for n in (number, number + 1))
         old, motion = motion, stepper.advance_under(motion, before, after)
@@ -132,12 +132,22 @@ def loss(name: str, per_period: int) -> list[Answer]:
             found += 2j / per_period * turn * float(force @ motion.u)
     direct = directly(model, system, force, omega)
     return [
-        Answer(label=f"{name}: amplitude", value=abs(found), reference=abs(direct), tolerance=1e-4),
-        Answer(label=f"{name}: loss factor", value=float(np.tan(-np.angle(found))),
-               reference=float(np.tan(-np.angle(direct))), tolerance=5e-4),
-        Answer(label=f"{name}: energy lost in a period", value=ledger.relaxation,
-               reference=-np.pi * direct.imag, tolerance=1e-3),
-    ]  # fmt: skip
+        Quantity(
+            label=f"{name}: amplitude", value=abs(found), reference=abs(direct), tolerance=1e-4
+        ),
+        Quantity(
+            label=f"{name}: loss factor",
+            value=float(np.tan(-np.angle(found))),
+            reference=float(np.tan(-np.angle(direct))),
+            tolerance=5e-4,
+        ),
+        Quantity(
+            label=f"{name}: energy lost in a period",
+            value=ledger.relaxation,
+            reference=-np.pi * direct.imag,
+            tolerance=1e-3,
+        ),
+    ]
 
 
 def directly(model: TissueModel, system: TissueSystem, force: Floats, omega: float) -> complex:
@@ -173,7 +183,7 @@ def incompressible_loss(per_period: int) -> float:
     return abs(-sums[1] / sums[0] / (modulus.imag / modulus.real) - 1.0)
 
 
-def energies() -> list[Answer]:
+def energies() -> list[Quantity]:
     """Pull and let go with every integrator: the ledger closes; nothing is lost that is not."""
     law = tissue_of(0.3, density=1e3)
     model, force = sheared("P2", law)
@@ -187,21 +197,24 @@ def energies() -> list[Answer]:
         ("central difference", CentralDifference(), explicit),
     ):  # fmt: skip
         stepper: Stepper = integrator.stepper(system, step)
-        ledger, motion = EnergyLedger(stepper), stepper.start(0.0 * force, 0.0 * force)
+        ledger, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
         for number in range(400):
             before, after = (min(step * n, 1.0) * force for n in (number, number + 1))
             old, motion = motion, stepper.advance_under(motion, before, after)
             ledger.add(old, motion, before, after)
         answers += [
-            Answer(label=f"{name}: ledger, residual", value=ledger.residual, tolerance=1e-10,
+            Quantity(label=f"{name}: ledger, residual", value=ledger.residual, tolerance=1e-10,
                    recorded=False),
-            Answer(label=f"{name}: energy lost by relaxation over work",
+            Quantity(label=f"{name}: energy lost by relaxation over work",
                    value=ledger.relaxation / ledger.work, reference=0.0, at_least=True),
         ]  # fmt: skip
         if name in ("Newmark", "quasi-static"):
             share = abs(ledger.algorithmic / ledger.work)
-            answers.append(Answer(label=f"{name}: algorithmic share", value=share, tolerance=1e-10,
-                                  recorded=False))  # fmt: skip
+            answers.append(
+                Quantity(
+                    label=f"{name}: algorithmic share", value=share, tolerance=1e-10, recorded=False
+                )
+            )
     return answers
 
 
@@ -222,27 +235,27 @@ def largest_growth() -> float:
     return worst
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare with closed forms, and with the complex problem solved directly."""
     answers = [*of_the_law(), *relaxation(), *energies()]
     coarse, fine = creep_error(40), creep_error(80)
     answers += [
-        Answer(label="creep: error, 80 steps", value=fine, tolerance=5e-5),
-        Answer(label="creep: order", value=float(np.log2(coarse / fine)), reference=2.0,
+        Quantity(label="creep: error, 80 steps", value=fine, tolerance=5e-5),
+        Quantity(label="creep: order", value=float(np.log2(coarse / fine)), reference=2.0,
                tolerance=0.025, recorded=False),
     ]  # fmt: skip
     if not quick:
-        answers.append(Answer(label="growth of any motion", value=largest_growth(), tolerance=1.0,
+        answers.append(Quantity(label="growth of any motion", value=largest_growth(), tolerance=1.0,
                               recorded=False))  # fmt: skip
     coarse, fine = incompressible_loss(50), incompressible_loss(100)
     answers += [
-        Answer(label="incompressible: loss factor, error", value=fine, tolerance=1e-3),
-        Answer(label="incompressible: order", value=float(np.log2(coarse / fine)), reference=2.0,
+        Quantity(label="incompressible: loss factor, error", value=fine, tolerance=1e-3),
+        Quantity(label="incompressible: order", value=float(np.log2(coarse / fine)), reference=2.0,
                tolerance=0.025, recorded=False),
     ]  # fmt: skip
     for name in ("P2-P1",) if quick else CATALOGUE:
         answers += loss(name, 200)
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -251,6 +264,7 @@ PROBLEM = Problem(
     "lost, as the relaxing shear modulus says; the energy that goes is accounted for.",
     reference="exact: generalised Maxwell solid; incompressible tissue follows its shear modulus; "
     "correspondence principle (T. Alfrey 1944), solved as a complex problem without time",
-    why="round-off where strain changes evenly over a step; elsewhere second order in the step",
+    tolerance_rationale="round-off where strain changes evenly over a step; elsewhere second "
+    "order in the step",
     run=run,
 )

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import Rubbing
+from verification.support.friction_system import FrictionSystem
 
 WEIGHT, STIFFNESS, SPEED = 10.0, 100.0, 0.1
 STATIC, KINETIC = 0.3, 0.2
@@ -16,10 +16,10 @@ STICKS = 2.0 * (LIMIT - FORCE) / (STIFFNESS * SPEED)
 SLIPS = 2.0 / OMEGA * (np.pi - np.arctan((LIMIT - FORCE) * OMEGA / (STIFFNESS * SPEED)))
 
 
-def belt(ratio: float) -> Rubbing:
+def belt(ratio: float) -> FrictionSystem:
     """Return the mass on a belt whose static friction is larger by a ratio."""
     one = np.ones((1, 1))
-    return Rubbing(
+    return FrictionSystem(
         MatrixSystem(one, STIFFNESS * one),
         one,
         FORCE,
@@ -55,17 +55,17 @@ def smooth(steps: int) -> tuple[float, float]:
     return float(np.abs(stretch - exact).max() / swing), float(apart.min() / SPEED)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare the period, and the motion without a drop of friction."""
     coarse, fine = smooth(100), smooth(200)
-    return Findings(
-        answers=[
-            Answer(label="period", value=period(100), reference=float(STICKS + SLIPS),
+    return ProblemResult(
+        quantities=[
+            Quantity(label="period", value=period(100), reference=float(STICKS + SLIPS),
                    tolerance=1e-2),
-            Answer(label="one friction: stretch off", value=coarse[0], tolerance=1e-2),
-            Answer(label="one friction: error falls by, at twice the steps",
+            Quantity(label="one friction: stretch off", value=coarse[0], tolerance=1e-2),
+            Quantity(label="one friction: error falls by, at twice the steps",
                    value=coarse[0] / fine[0], reference=4.0, tolerance=2e-2, recorded=False),
-            Answer(label="one friction: touches the belt's speed", value=coarse[1],
+            Quantity(label="one friction: touches the belt's speed", value=coarse[1],
                    tolerance=1e-3, recorded=False),
         ]
     )  # fmt: skip
@@ -77,6 +77,6 @@ PROBLEM = Problem(
     "about the place where friction stretches the spring.",
     reference="exact: the oscillator of F1 in the belt's frame, with friction as weight times "
     "coefficient",
-    why="1 % is asked for; the error is that of the period of average acceleration",
+    tolerance_rationale="1 % is asked for; the error is that of the period of average acceleration",
     run=run,
 )

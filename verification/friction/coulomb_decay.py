@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import Rest, Rubbing
+from verification.support.friction_system import FrictionState, FrictionSystem
 
 STIFFNESS, START = 100.0, 0.105
 STATIC, KINETIC = 1.2, 1.0
@@ -14,10 +14,10 @@ PERIOD = 0.2 * np.pi
 STOP = 2.5 * PERIOD
 
 
-def turns(steps: int) -> tuple[list[Rest], Rest]:
+def turns(steps: int) -> tuple[list[FrictionState], FrictionState]:
     """Return the states in which it turns, with so many steps a period, and one long after."""
     one = np.ones((1, 1))
-    mass = Rubbing(
+    mass = FrictionSystem(
         MatrixSystem(one, STIFFNESS * one),
         one,
         KINETIC,
@@ -33,29 +33,29 @@ def turns(steps: int) -> tuple[list[Rest], Rest]:
     return found, state
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare the turning points, and the time at which it stops."""
     found, last = turns(100)
     answers = [
-        Answer(label=f"turning point {n + 1}", value=float(state.motion.u[0]), reference=exact,
+        Quantity(label=f"turning point {n + 1}", value=float(state.motion.u[0]), reference=exact,
                tolerance=1e-9)
         for n, (state, exact) in enumerate(zip(found, TURNS, strict=True))
     ]  # fmt: skip
     answers += [
-        Answer(label="time at which it stops", value=found[-1].time, reference=STOP,
+        Quantity(label="time at which it stops", value=found[-1].time, reference=STOP,
                tolerance=1e-3),
-        Answer(label="creep after it", value=abs(float(last.motion.u[0] - found[-1].motion.u[0])),
+        Quantity(label="creep after it", value=abs(float(last.motion.u[0] - found[-1].motion.u[0])),
                tolerance=1e-14, recorded=False),
-        Answer(label="velocity after it", value=abs(float(last.motion.v[0])), tolerance=1e-12,
+        Quantity(label="velocity after it", value=abs(float(last.motion.v[0])), tolerance=1e-12,
                recorded=False),
     ]  # fmt: skip
     if not quick:
         finer, _ = turns(200)
         off = [abs(states[-1].time / STOP - 1.0) for states in (found, finer)]
-        answers.append(Answer(label="time: error falls by, at twice the steps",
+        answers.append(Quantity(label="time: error falls by, at twice the steps",
                               value=off[0] / off[1], reference=4.0, tolerance=2e-2,
                               recorded=False))  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -63,7 +63,8 @@ PROBLEM = Problem(
     requirement="Dry friction lowers the amplitude by the same length every half period, until the "
     "mass stops where the spring can't overcome static friction, and stays there.",
     reference="exact: amplitude falls by 2 F / k each half period",
-    why="with steps cut at turning points, average acceleration keeps the energy of every half "
+    tolerance_rationale="with steps cut at turning points, average acceleration keeps the energy "
+    "of every half "
     "period exactly; its period is longer by (w dt)^2 / 12",
     run=run,
 )

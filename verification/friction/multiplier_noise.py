@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import State
 from needlefem.insertion.sticking import STICK_CONDITION
@@ -35,7 +35,7 @@ def of_shaft(state: State) -> tuple[np.ndarray, np.ndarray]:
     ]
 
 
-def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]) -> list[Answer]:
+def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]) -> list[Quantity]:
     """Compare the roughness on the finest mesh with that on the coarsest."""
     rough = []
     for divisions in counts:
@@ -47,31 +47,31 @@ def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]
     give = f", sticking of {stiffness:g} N/m^3" if stiffness else ""
     label = f"{element}, {counts[0]} to {counts[-1]} squares, pieces of {share:g} elements{give}"
     return [
-        Answer(label=f"{label}: roughness of {name}, finest over coarsest", value=fine / coarse,
+        Quantity(label=f"{label}: roughness of {name}, finest over coarsest", value=fine / coarse,
                tolerance=1.0)
         for name, coarse, fine in zip(("lateral forces", "friction"), *rough[:: len(rough) - 1],
                                       strict=True)
     ]  # fmt: skip
 
 
-def refused(element: str, share: float) -> Answer:
+def refused(element: str, share: float) -> Quantity:
     """Say that pieces much shorter than the distance of nodes are not held rigidly."""
     simulation = Simulation(scene(element, 30, share))
     found = simulation.sticking(simulation.entry_of_case())
     regular = found.condition <= STICK_CONDITION and found.stiffness > 0.0
-    return Answer(label=f"{element}, pieces of {share:g} elements: condition over its bound",
+    return Quantity(label=f"{element}, pieces of {share:g} elements: condition over its bound",
                   value=min(found.rigid_condition / STICK_CONDITION, 1e6) if regular else 0.0,
                   reference=1.0, at_least=True, recorded=False)  # fmt: skip
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Halve, and shorten."""
     answers = [refused("P1", 0.125), refused("P2", 0.08)]
     if quick:
-        return Findings(answers=answers)
+        return ProblemResult(quantities=answers)
     answers += halved("P1", 1.0, 0.0, DIVISIONS) + halved("P2", 1.0, 0.0, DIVISIONS)
     answers += halved("P1", 0.5, 1e9, DIVISIONS) + halved("P2", 0.5, 1e9, DIVISIONS)
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -79,6 +79,6 @@ PROBLEM = Problem(
     requirement="Forces along the shaft grow no rougher when elements and pieces are halved "
     "together; pieces that would make them noise are held by a penalty.",
     reference="property; a stable pair of displacement and contact forces",
-    why="noise grows with every halving; what is there in the tissue gets smoother",
+    tolerance_rationale="noise grows with every halving; what is there in the tissue gets smoother",
     run=run,
 )

@@ -3,12 +3,12 @@
 import numpy as np
 
 from needlefem.checks.models import tissue
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import box
-from verification.support.embedded_shaft import LyingNeedle
+from verification.support.embedded_shaft import EmbeddedShaft
 
 LENGTH, WIDTH, STRETCH = 0.1, 0.01, 50.0
 """Of the bar, m, and its EA, N."""
@@ -18,7 +18,7 @@ RATE = np.sqrt(STIFFNESS / STRETCH)
 LOADS = (0.5, 1.0, 1.5, 1.8, 1.95)
 
 
-def needle(pieces: int, stiffness: float) -> LyingNeedle:
+def needle(pieces: int, stiffness: float) -> EmbeddedShaft:
     """Return a needle in a bar that is held where the needle's far end is.
 
     Seen from the needle it is the bar that is pulled out, by its held end.
@@ -27,7 +27,7 @@ def needle(pieces: int, stiffness: float) -> LyingNeedle:
     law = Isotropic(youngs_modulus=STRETCH / WIDTH, poissons_ratio=0.0)
     bar = tissue(mesh, CATALOGUE["Q1"], law, lambda at: at[:, 1] > LENGTH * (1.0 - 1e-9))
     ends = np.array([0.5 * WIDTH, 0.0]), np.array([0.5 * WIDTH, LENGTH])
-    return LyingNeedle(
+    return EmbeddedShaft(
         bar, ends, pieces, LIMIT, friction=SlipWeakeningFriction(stiffness=stiffness)
     )
 
@@ -51,7 +51,7 @@ def pulled(load: float) -> float:
     return LIMIT / STIFFNESS + (0.5 * LIMIT * slip**2 + slip * stuck) / STRETCH
 
 
-def shear_lag(pieces: int) -> list[Answer]:
+def shear_lag(pieces: int) -> list[Quantity]:
     """Compare force and slip front at the displacements of some loads."""
     answers = []
     shaft, reached = needle(pieces, STIFFNESS), 0.0
@@ -63,15 +63,15 @@ def shear_lag(pieces: int) -> list[Answer]:
         slides = np.count_nonzero(shaft.slipping) * LENGTH / pieces
         front = slip_length(load) if slides else 0.0
         answers += [
-            Answer(label=f"{pieces} pieces, load {load}", value=force, reference=load,
+            Quantity(label=f"{pieces} pieces, load {load}", value=force, reference=load,
                    tolerance=2e-3 * (20 / pieces) ** 2),
-            Answer(label=f"{pieces} pieces, load {load}: slip front off, pieces",
+            Quantity(label=f"{pieces} pieces, load {load}: slip front off, pieces",
                    value=abs(slides - front) * pieces / LENGTH, tolerance=1.0, recorded=False),
         ]  # fmt: skip
     return answers
 
 
-def loop(pieces: int) -> list[Answer]:
+def loop(pieces: int) -> list[Quantity]:
     """Load, unload and load again with rigid sticking."""
     shaft, most = needle(pieces, 0.0), 1.5
     far, label = most**2 / (2.0 * STRETCH * LIMIT), f"rigid, {pieces} pieces"
@@ -85,33 +85,36 @@ def loop(pieces: int) -> list[Answer]:
         for share in np.linspace(0.0, 1.0, 161)[1:]:
             force = shaft.move(start + share * (goal - start))
         answers += [
-            Answer(label=f"{label}, {name}: force over the largest", value=force / most,
+            Quantity(label=f"{label}, {name}: force over the largest", value=force / most,
                    reference=load / most, tolerance=1e-2),
-            Answer(label=f"{label}, {name}: dissipated",
+            Quantity(label=f"{label}, {name}: dissipated",
                    value=shaft.dissipated - old, reference=lost,
                    tolerance=piece),
         ]  # fmt: skip
     return answers
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare forces, slip fronts and dissipation with the closed forms."""
     counts = (10, 20) if quick else (10, 20, 40, 80)
     answers = [answer for pieces in counts for answer in shear_lag(pieces)]
     if quick:
-        return Findings(answers=answers)
+        return ProblemResult(quantities=answers)
     errors = tuple(answer.distance for answer in answers if answer.label.endswith("load 0.5"))
     curve = Curve(element="Q1", quantity="force, all sticking", order=2.0,
                   sizes=tuple(LENGTH / n for n in counts), dofs=counts,
                   seconds=(0.0,) * len(counts), errors=errors)  # fmt: skip
-    order = Answer(label="order, all sticking", value=curve.observed, reference=2.0, tolerance=0.05)
-    return Findings(answers=[*answers, order, *loop(160)], curves=[curve])
+    order = Quantity(
+        label="order, all sticking", value=curve.observed, reference=2.0, tolerance=0.05
+    )
+    return ProblemResult(quantities=[*answers, order, *loop(160)], curves=[curve])
 
 
 PROBLEM = Problem(
     name="shaft pull-out",
     requirement="Sticking that gives way, slip fronts and loops of loading are those of shear lag.",
     reference="exact; shear lag (H. L. Cox 1952) with a constant friction limit",
-    why="a front moves by whole pieces; the bar has an error of second order in its elements",
+    tolerance_rationale="a front moves by whole pieces; the bar has an error of second order in "
+    "its elements",
     run=run,
 )

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import Rubbing
+from verification.support.friction_system import FrictionSystem
 
 MASS, STIFFNESS, SPEED = 1.0, 100.0, 0.1
 STATIC, KINETIC = 3.0, 2.0
@@ -29,7 +29,7 @@ EXACT = {
 def cycle(steps: int) -> dict[str, float]:
     """Return the figures of the first cycle, with so many steps while it slips."""
     one = np.ones((1, 1))
-    drawn = Rubbing(
+    drawn = FrictionSystem(
         MatrixSystem(MASS * one, STIFFNESS * one),
         one,
         KINETIC,
@@ -55,19 +55,19 @@ def cycle(steps: int) -> dict[str, float]:
     }
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare a cycle with its closed form, and the error with that of twice the steps."""
     coarse, fine = cycle(100), cycle(200)
     answers = [
-        Answer(label=name, value=coarse[name], reference=float(exact), tolerance=1e-2)
+        Quantity(label=name, value=coarse[name], reference=float(exact), tolerance=1e-2)
         for name, exact in EXACT.items()
     ]
     for name in ("period", "slip", "dissipation"):
         ratio = abs(coarse[name] - EXACT[name]) / abs(fine[name] - EXACT[name])
         label = f"{name}: error falls by, at twice the steps"
-        answers.append(Answer(label=label, value=ratio, reference=4.0, tolerance=2e-2,
+        answers.append(Quantity(label=label, value=ratio, reference=4.0, tolerance=2e-2,
                               recorded=False))  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -75,6 +75,7 @@ PROBLEM = Problem(
     requirement="What sticks breaks loose at static friction, slides under kinetic friction and "
     "sticks again at the velocity of what it rubs on, at the right times and forces.",
     reference="exact: piecewise harmonic motion (J. P. Den Hartog 1931)",
-    why="1 % is asked for at a hundredth of the slip's time; the observed error is of second order",
+    tolerance_rationale="1 % is asked for at a hundredth of the slip's time; the observed error "
+    "is of second order",
     run=run,
 )

@@ -3,12 +3,12 @@
 import numpy as np
 
 from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.scene import Support
-from verification.support.embedded_shaft import LyingNeedle
+from verification.support.embedded_shaft import EmbeddedShaft
 
 HALF, LENGTH, SHEAR, LIMIT = 0.03, 0.02, 5e3, 40.0
 """Half the strip's width, its length, m; shear modulus, Pa; friction per length, N/m."""
@@ -20,14 +20,14 @@ SUPPORTS = {
 }
 
 
-def strip(element: str, across: int, height: float, **shaft: object) -> LyingNeedle:
+def strip(element: str, across: int, height: float, **shaft: object) -> EmbeddedShaft:
     """Return a needle along a strip of some elements across, at a height from the middle."""
     row = CATALOGUE[element]
     law = Isotropic(youngs_modulus=2.6 * SHEAR, poissons_ratio=0.3)
     model = rectangle(row, law, across, (2.0 * HALF, LENGTH), SUPPORTS)
     at = HALF + height
     ends = np.array([at, 0.0]), np.array([at, LENGTH])
-    return LyingNeedle(model, ends, across, LIMIT, **shaft)  # type: ignore[arg-type]
+    return EmbeddedShaft(model, ends, across, LIMIT, **shaft)  # type: ignore[arg-type]
 
 
 def stiffer(element: str, across: int, height: float) -> float:
@@ -48,7 +48,7 @@ def gives(element: str, across: int, height: float, **shaft: object) -> float:
     return give / exact - 1.0
 
 
-def sliding() -> list[Answer]:
+def sliding() -> list[Quantity]:
     """Stick, slide, and where the work goes."""
     needle, goal, work = strip("Q2", 8, 0.0), 2.5 * GIVE, 0.0
     stuck = needle.move(0.5 * GIVE)
@@ -56,12 +56,12 @@ def sliding() -> list[Answer]:
         before, force = needle.pull.sum(), needle.move(float(travel))
         work += 0.5 * (before + force) * (goal - 0.5 * GIVE) / 40
     return [
-        Answer(label="sticking force", value=stuck, reference=0.5 * LIMIT * LENGTH,
+        Quantity(label="sticking force", value=stuck, reference=0.5 * LIMIT * LENGTH,
                tolerance=1e-10),
-        Answer(label="plateau", value=force, reference=LIMIT * LENGTH, tolerance=1e-12),
-        Answer(label="stored", value=needle.strain_energy, reference=0.5 * LIMIT * GIVE * LENGTH,
+        Quantity(label="plateau", value=force, reference=LIMIT * LENGTH, tolerance=1e-12),
+        Quantity(label="stored", value=needle.strain_energy, reference=0.5 * LIMIT * GIVE * LENGTH,
                tolerance=1e-10),
-        Answer(label="dissipated", value=needle.dissipated,
+        Quantity(label="dissipated", value=needle.dissipated,
                reference=LIMIT * LENGTH * (goal - GIVE), tolerance=1e-10),
     ]  # fmt: skip
 
@@ -77,7 +77,7 @@ def weakened(travel: float, ratio: float, length: float) -> float:
     return top - fall * slip if slip <= length else LIMIT
 
 
-def weakening() -> list[Answer]:
+def weakening() -> list[Quantity]:
     """Let static friction of 1.5 times the kinetic one fall over slip, gently and at once."""
     answers = []
     for name, length in (("gentle", 2.0 * GIVE), ("sudden", 0.2 * GIVE)):
@@ -87,25 +87,25 @@ def weakening() -> list[Answer]:
         exact = np.array([weakened(float(at), 1.5, length) for at in travel])
         apart = float(np.max(np.abs(forces - exact))) / LIMIT
         answers.append(
-            Answer(label=f"{name} weakening: force off", value=apart, tolerance=1e-9,
+            Quantity(label=f"{name} weakening: force off", value=apart, tolerance=1e-9,
                    recorded=False)
         )  # fmt: skip
         back = needle.travel - 1.1 * GIVE - needle.pull.sum() / LENGTH * GIVE / LIMIT
         healed = needle.move(float(back))
         answers.append(
-            Answer(label=f"{name} weakening: force after turning back", value=healed / LENGTH,
+            Quantity(label=f"{name} weakening: force after turning back", value=healed / LENGTH,
                    reference=-1.1 * LIMIT, tolerance=1e-9)
         )  # fmt: skip
     return answers
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare give, friction, energy, and the error of a line that lies inside elements."""
     answers = sliding() + weakening()
     for element in ("P1", "P2", "Q1", "Q2"):
         label = f"{element}: give of a line on the mesh, off"
         answers.append(
-            Answer(label=label, value=gives(element, 8, 0.0), tolerance=1e-10, recorded=False)
+            Quantity(label=label, value=gives(element, 8, 0.0), tolerance=1e-10, recorded=False)
         )
         if element.startswith("P"):
             continue  # a slanted edge crosses the line: the closed form is that of the square
@@ -115,9 +115,9 @@ def run(quick: bool) -> Findings:
                 exact = stiffer(element, across, height)
                 value = gives(element, across, height)
                 answers.append(
-                    Answer(label=label, value=value, reference=exact, tolerance=1e-6)
+                    Quantity(label=label, value=value, reference=exact, tolerance=1e-6)
                 )  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -125,6 +125,6 @@ PROBLEM = Problem(
     requirement="A shaft sticks, slides and weakens as an elastic slider does; a line inside "
     "elements is too stiff by what theory says.",
     reference="exact: shear between a line load and clamped walls; the elements' own error",
-    why="round-off; the discrete solution is known exactly",
+    tolerance_rationale="round-off; the discrete solution is known exactly",
     run=run,
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import TipPhase
@@ -58,7 +58,7 @@ def in_time(marched: Insertion, spacing: float) -> float:
     return float(worst)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare both on finer and finer pieces and steps."""
     answers, errors, cost = [], [], []
     for spacing in SPACINGS[:1] if quick else SPACINGS:
@@ -67,28 +67,29 @@ def run(quick: bool) -> Findings:
         for step in (0.2,) if quick else (0.2, 0.05):
             label = f"pieces of {spacing * 1e3:g} mm, steps of {step} s: off the march's states"
             value = in_depth(marched, spacing, step) / 0.03
-            answers.append(Answer(label=label, value=value, tolerance=1e-9, recorded=False))
+            answers.append(Quantity(label=label, value=value, tolerance=1e-9, recorded=False))
         errors.append(in_time(marched, spacing))
         cost.append(len(marched.states))
         label = f"pieces of {spacing * 1e3:g} mm, steps in time of half of them: off, m"
-        answers.append(Answer(label=label, value=errors[-1], tolerance=2e-4))
+        answers.append(Quantity(label=label, value=errors[-1], tolerance=2e-4))
     if quick:
-        return Findings(answers=answers)
+        return ProblemResult(quantities=answers)
     curve = Curve(element="P2", quantity="place of the tip, steps in time", order=1.0,
                   sizes=SPACINGS, dofs=tuple(cost), seconds=(0.0,) * len(cost),
                   errors=tuple(errors))  # fmt: skip
     order = np.log(errors[0] / errors[-1]) / np.log(SPACINGS[0] / SPACINGS[-1])
     answers += [
-        Answer(label="order of steps in time", value=float(order), reference=1.0, at_least=True),
-        Answer(label="steps in time: off at the finest, m", value=errors[-1], tolerance=1e-5),
+        Quantity(label="order of steps in time", value=float(order), reference=1.0, at_least=True),
+        Quantity(label="steps in time: off at the finest, m", value=errors[-1], tolerance=1e-5),
     ]
-    return Findings(answers=answers, curves=[curve])
+    return ProblemResult(quantities=answers, curves=[curve])
 
 
 PROBLEM = Problem(
     name="march and steps",
     requirement="Steps in depth stop where the march does; steps in time approach it.",
     reference="another method for the same equations: unknown depth against unknown place",
-    why="both solve to 1e-12 m; steps in time make pieces that are up to a step too long",
+    tolerance_rationale="both solve to 1e-12 m; steps in time make pieces that are up to a step "
+    "too long",
     run=run,
 )

@@ -6,9 +6,9 @@ import numpy as np
 
 from needlefem.checks.mesh_checks import reciprocity
 from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
@@ -80,7 +80,7 @@ def at_rest(found: Insertion) -> float:
     return float(sizes[0] / sizes[1]) if found.states[-1].tip_phase is TipPhase.OUTSIDE else np.inf
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare responses both ways round; motions in moved frames; tissue left alone."""
     answers = []
     for name, element in CATALOGUE.items():
@@ -88,11 +88,11 @@ def run(quick: bool) -> Findings:
             model = rectangle(element, Isotropic(youngs_modulus=1.0, poissons_ratio=ratio), 12)
             label = f"{name}, nu {ratio}: responses apart"
             value = reciprocity(model).value
-            answers.append(Answer(label=label, value=value, tolerance=1e-9, recorded=False))
+            answers.append(Quantity(label=label, value=value, tolerance=1e-9, recorded=False))
     for element in ("P1",) if quick else ("P1", "P2"):
         plain = scene(element)
         found = moved(plain, 0.0, (0.0, 0.0), mirror=False)
-        energies = ledger(found)
+        energies = energy_terms(found)
         values = {f"motion {name}": apart(found, moved(plain, *frame))
                   for name, frame in FRAMES.items() if name in QUICK or not quick}  # fmt: skip
         values["displacement with the needle out"] = at_rest(found)
@@ -103,10 +103,10 @@ def run(quick: bool) -> Findings:
         values["ledger"] = energies.residual
         values["given by a step, over the work"] = -energies.least / energies.turnover
         answers += [
-            Answer(label=f"{element}: {label}", value=value, tolerance=1e-9, recorded=False)
+            Quantity(label=f"{element}: {label}", value=value, tolerance=1e-9, recorded=False)
             for label, value in values.items()
         ]
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -114,6 +114,6 @@ PROBLEM = Problem(
     requirement="Responses are symmetric; answers move with a shifted, turned or mirrored scene; "
     "no displacement is left when the needle is out.",
     reference="exact; E. Betti 1872",
-    why="round-off times the condition of the system",
+    tolerance_rationale="round-off times the condition of the system",
     run=run,
 )

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
-from needlefem.insertion.energy_balance import ledger
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import simulate
 from needlefem.materials import Isotropic
@@ -41,7 +41,7 @@ def layer(element: str, entry: float = 0.0287) -> Scene:
     )
 
 
-def pushed(element: str) -> list[Answer]:
+def pushed(element: str) -> list[Quantity]:
     """Compare the march's and the steps' force with cutting force plus friction times path."""
     answers = []
     for way in ("march", "quasi-static"):
@@ -51,18 +51,18 @@ def pushed(element: str) -> list[Answer]:
         length = np.sum(steps) if way == "march" else insertion.states[-1].inserted_length
         exact = CUTTING + FRICTION * float(length)
         label = element if way == "march" else f"{element}, stepped"
-        energies, force = ledger(insertion), insertion.states[-1].force
+        energies, force = energy_terms(insertion), insertion.states[-1].force
         answers += [
-            Answer(label=f"{label}: force", value=force, reference=exact, tolerance=1e-10),
-            Answer(label=f"{label}: strain identity", value=energies.identity, tolerance=1e-10,
+            Quantity(label=f"{label}: force", value=force, reference=exact, tolerance=1e-10),
+            Quantity(label=f"{label}: strain identity", value=energies.identity, tolerance=1e-10,
                    recorded=False),
-            Answer(label=f"{label}: ledger", value=energies.residual, tolerance=1e-6,
+            Quantity(label=f"{label}: ledger", value=energies.residual, tolerance=1e-6,
                    recorded=False),
         ]  # fmt: skip
         if way == "march":
-            rough = ledger(insertion, trapezoidal=True).residual
+            rough = energy_terms(insertion, trapezoidal=True).residual
             label = f"{element}: ledger, trapezoidal"
-            answers.append(Answer(label=label, value=rough, tolerance=2e-2))
+            answers.append(Quantity(label=label, value=rough, tolerance=2e-2))
     return answers
 
 
@@ -70,7 +70,7 @@ def cycle(element: str, stiffer: float) -> dict[str, float]:
     """Return how far a cycle in stiffer tissue is off that in rigid tissue, by quantity."""
     law = Isotropic(youngs_modulus=stiffer * MODULUS, poissons_ratio=0.45)
     found = simulate(vary(layer(element), {"materials": {"gel": law}}))
-    states, energies = found.states, ledger(found)
+    states, energies = found.states, energy_terms(found)
     deepest = int(np.argmax(found.depths))
     work = _work(found, deepest)
     half = states[deepest + int(np.argmin(np.abs(found.depths[deepest:] - 0.5 * DEPTH)))]
@@ -89,7 +89,7 @@ def _work(found: Insertion, last: int) -> float:
     return float(0.5 * (force[1:] + force[:-1]) @ np.diff(found.depths[: last + 1]))
 
 
-def rigid_limit(element: str) -> tuple[list[Answer], list[Curve]]:
+def rigid_limit(element: str) -> tuple[list[Quantity], list[Curve]]:
     """Check that the rigid answer is approached as one over Young's modulus."""
     found = [cycle(element, stiffer) for stiffer in STIFFER]
     answers, curves = [], []
@@ -99,15 +99,15 @@ def rigid_limit(element: str) -> tuple[list[Answer], list[Curve]]:
                       dofs=STIFFER, seconds=(0.0,) * 3, errors=errors)  # fmt: skip
         curves.append(curve)
         answers += [
-            Answer(label=f"{element}, rigid limit, {name}: order in 1/E", value=curve.observed,
+            Quantity(label=f"{element}, rigid limit, {name}: order in 1/E", value=curve.observed,
                    reference=1.0, tolerance=0.05),
-            Answer(label=f"{element}, rigid limit, {name}: off at 512 E", value=errors[-1],
+            Quantity(label=f"{element}, rigid limit, {name}: off at 512 E", value=errors[-1],
                    tolerance=1e-3),
         ]  # fmt: skip
     return answers, curves
 
 
-def places(element: str) -> list[Answer]:
+def places(element: str) -> list[Quantity]:
     """Compare forces on a mesh line, through cells, and a billionth of a cell beside."""
     answers = []
     for name, (entry, direction) in PLACES.items():
@@ -117,7 +117,7 @@ def places(element: str) -> list[Answer]:
             np.max(np.abs(np.array(paths[1:]) - paths[0])) / np.max(paths[0]) if same else np.inf
         )
         label = f"{element}, {name}: force beside, off"
-        answers.append(Answer(label=label, value=float(value), tolerance=1e-6, recorded=False))
+        answers.append(Quantity(label=label, value=float(value), tolerance=1e-6, recorded=False))
     return answers
 
 
@@ -126,7 +126,7 @@ def _forces(element: str, entry: float, direction: tuple[float, float]) -> np.nd
     return np.array([state.force for state in found.states])
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Push, pull, stiffen, and move aside."""
     answers, curves = [], []
     for element in ("P1", "P2"):
@@ -135,7 +135,7 @@ def run(quick: bool) -> Findings:
             limits, found = rigid_limit(element)
             answers += limits + places(element)
             curves += found
-    return Findings(answers=answers, curves=curves)
+    return ProblemResult(quantities=answers, curves=curves)
 
 
 PROBLEM = Problem(
@@ -143,7 +143,8 @@ PROBLEM = Problem(
     requirement="In a uniform layer the force is f_c + tau times the material path, no energy is "
     "lost, rigid tissue is approached as one over its modulus, and elements' edges are not felt.",
     reference="exact; equilibrium of the needle, all shaft points slipping",
-    why="round-off; the trapezoidal ledger has an error of second order in every step; "
+    tolerance_rationale="round-off; the trapezoidal ledger has an error of second order in every "
+    "step; "
     "friction turns round within the first of the steps back",
     run=run,
 )

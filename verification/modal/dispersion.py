@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes
 from needlefem.elements import CATALOGUE
@@ -51,7 +51,7 @@ def system(lumping: str | None) -> tuple[TissueSystem, float]:
     return TissueSystem(model, lumping=lumping), sound()
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare the lowest frequencies with the formulas."""
     answers = []
     h = 1.0 / CELLS
@@ -65,14 +65,14 @@ def run(quick: bool) -> Findings:
         found, _ = modes(strip, 5)
         for number, (value, reference) in enumerate(zip(found, exact * speed / h, strict=True), 1):
             answers.append(
-                Answer(label=f"{name} mass: mode {number}", value=float(value),
+                Quantity(label=f"{name} mass: mode {number}", value=float(value),
                        reference=float(reference), tolerance=1e-10)
             )  # fmt: skip
         answers.append(
-            Answer(label=f"{name} mass: largest frequency, h / c", value=largest(lumping),
+            Quantity(label=f"{name} mass: largest frequency, h / c", value=largest(lumping),
                    reference=float(LARGEST[name]), tolerance=1e-10)
         )  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -80,6 +80,6 @@ PROBLEM = Problem(
     requirement="Consistent mass makes waves too fast and lumped mass too slow, each by its "
     "formula.",
     reference="exact for linear elements; R. D. Krieg, S. W. Key 1973",
-    why="round-off",
+    tolerance_rationale="round-off",
     run=run,
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.models import square_mesh, tissue
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.checks.work_precision import elements_race
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes
@@ -63,7 +63,7 @@ def unknowns(divisions: int, name: str) -> int:
     return FunctionSpace(square_mesh(CATALOGUE[name], divisions), CATALOGUE[name]).ndofs
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare Lame modes of elements at both ratios."""
     answers = []
     for (name, divisions, ratio), limit in LIMITS.items():
@@ -71,30 +71,32 @@ def run(quick: bool) -> Findings:
             continue
         off = frequency(name, divisions, ratio) / EXACT - 1.0
         label = f"{name}, {divisions} divisions, nu {ratio}: frequency"
-        answers.append(Answer(label=label, value=EXACT * (1.0 + off), reference=EXACT,
+        answers.append(Quantity(label=label, value=EXACT * (1.0 + off), reference=EXACT,
                               tolerance=limit))  # fmt: skip
         if CATALOGUE[name].volume == "plain":
             below = max(0.0, -off)
             label = f"{name}, {divisions} divisions, nu {ratio}: below exact"
-            answers.append(Answer(label=label, value=below, tolerance=1e-12, recorded=False))
-    return Findings(answers=answers if quick else [*answers, *locked_and_lumped(), *orders()])
+            answers.append(Quantity(label=label, value=below, tolerance=1e-12, recorded=False))
+    return ProblemResult(
+        quantities=answers if quick else [*answers, *locked_and_lumped(), *orders()]
+    )
 
 
-def locked_and_lumped() -> list[Answer]:
+def locked_and_lumped() -> list[Quantity]:
     """See linear elements lock, and lumped mass on either side of the exact frequency."""
     answers = []
     for name, expected in LOCKED.items():
         off = frequency(name, 64, 0.4999, near=1.07, like=0.9) / EXACT - 1.0
         label = f"{name}, 64 divisions, nu 0.4999: locks by"
-        answers.append(Answer(label=label, value=off, reference=expected, tolerance=2e-2))
+        answers.append(Quantity(label=label, value=off, reference=expected, tolerance=2e-2))
     for (name, ratio), expected in LUMPED.items():
         off = frequency(name, 64, ratio, lumping="row-sum") / EXACT - 1.0
         label = f"{name}, row-sum mass, 64 divisions, nu {ratio}: off by"
-        answers.append(Answer(label=label, value=off, reference=expected, tolerance=3e-2))
+        answers.append(Quantity(label=label, value=off, reference=expected, tolerance=3e-2))
     return answers
 
 
-def orders() -> list[Answer]:
+def orders() -> list[Quantity]:
     """Halve the cells, and double the half waves: a mode of twice as many is as wrong."""
     answers = []
     for name in ("P1", "Q1", "P2", "Q2"):
@@ -103,9 +105,9 @@ def orders() -> list[Answer]:
         coarse, error = (frequency(name, n, 0.3) / EXACT - 1.0 for n in (fine // 2, fine))
         second = frequency(name, fine, 0.3, number=2)
         answers += [
-            Answer(label=f"{name}: order", value=float(np.log2(coarse / error)),
+            Quantity(label=f"{name}: order", value=float(np.log2(coarse / error)),
                    reference=2.0 * degree, tolerance=0.1 / degree, recorded=False),
-            Answer(label=f"{name}, {fine} divisions: half of the second mode", value=second,
+            Quantity(label=f"{name}, {fine} divisions: half of the second mode", value=second,
                    reference=EXACT, tolerance=4e-3 if degree == 1 else 3e-4),
         ]  # fmt: skip
     return answers
@@ -127,7 +129,8 @@ PROBLEM = Problem(
     requirement="A free square vibrates in shear with a frequency that Poisson's ratio does not "
     "change; linear elements lock.",
     reference="exact, sqrt(2) pi c_s / L; G. Lame 1852",
-    why="errors of another code on the same grids (P1 0.067 %, Q1 0.090 %, P2 0.023 %, Q2 0.0037 "
+    tolerance_rationale="errors of another code on the same grids (P1 0.067 %, Q1 0.090 %, P2 "
+    "0.023 %, Q2 0.0037 "
     "%; 0.018 % for P2 at nu 0.4999; by row sums P1 0.027 %, Q1 -0.018 %, at nu 0.49 0.22 %); "
     "those of elements with a cure by their degree",
     run=run,

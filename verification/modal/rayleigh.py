@@ -4,7 +4,7 @@ import numpy as np
 
 from needlefem.checks.integrator_checks import principal
 from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import Damping, Newmark, TissueSystem
 from needlefem.dynamics.histories import iterate, record
 from needlefem.dynamics.modal import modes
@@ -37,7 +37,7 @@ def exact_ratio(step: float, ratio: float) -> float:
     return ratio_of(2.0 * (1.0 - 0.25 * step**2) / size, (size - 2.0 * ratio * step) / size)
 
 
-def of_tissue() -> list[Answer]:
+def of_tissue() -> list[Quantity]:
     """Follow the modes of a tissue that is damped at its first and third, one by one."""
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
     model = rectangle(CATALOGUE["P2"], law, 4)
@@ -56,11 +56,11 @@ def of_tissue() -> list[Answer]:
         exact = exact_ratio(float(omega * step), damping.ratio(float(omega / (2.0 * np.pi))))
         value = ratio_of(float(trace), float(determinant))
         label = f"tissue, mode {number}: ratio"
-        answers.append(Answer(label=label, value=value, reference=exact, tolerance=1e-8))
+        answers.append(Quantity(label=label, value=value, reference=exact, tolerance=1e-8))
     return answers
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare constants, ratios in between, and the damping of average acceleration."""
     damping = Damping.from_ratios((2.0, 10.0), (RATIO, RATIO))
     lowest = np.sqrt(2.0 * 10.0)
@@ -72,21 +72,25 @@ def run(quick: bool) -> Findings:
         "log decrement": (2.0 * np.pi * RATIO / np.sqrt(1.0 - RATIO**2), 0.3145527),
     }
     answers = [
-        Answer(label=label, value=float(value), reference=reference, tolerance=1e-6)
+        Quantity(label=label, value=float(value), reference=reference, tolerance=1e-6)
         for label, (value, reference) in values.items()
     ]
     answers += of_tissue()
     for share, reference in ((0.01, 0.04996721), (0.05, 0.04919665)):
         answers.append(
-            Answer(label=f"average acceleration, dt/T {share}: ratio", value=discrete_ratio(share),
-                   reference=reference, tolerance=2e-7)
-        )  # fmt: skip
+            Quantity(
+                label=f"average acceleration, dt/T {share}: ratio",
+                value=discrete_ratio(share),
+                reference=reference,
+                tolerance=2e-7,
+            )
+        )
         answers.append(
-            Answer(label=f"average acceleration, dt/T {share}: formula",
+            Quantity(label=f"average acceleration, dt/T {share}: formula",
                    value=discrete_ratio(share), reference=exact_ratio(2.0 * np.pi * share, RATIO),
                    tolerance=1e-10)
         )  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -94,6 +98,7 @@ PROBLEM = Problem(
     requirement="Damping has the ratios asked for at two frequencies; the integrator changes them "
     "by its formula.",
     reference="exact; Lord Rayleigh 1877",
-    why="the last digit given; round-off for the closed form of average acceleration",
+    tolerance_rationale="the last digit given; round-off for the closed form of average "
+    "acceleration",
     run=run,
 )

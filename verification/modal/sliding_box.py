@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.modal import sliding_box
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes
 from needlefem.elements import CATALOGUE
@@ -24,7 +24,7 @@ def exact(mode: str) -> float:
     return float(speed * np.pi * np.hypot(int(mode[1]) / 1.5, int(mode[2])))
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare the six lowest frequencies on 16 x 16 squares, by every mass that is admitted."""
     law = Isotropic(youngs_modulus=2.0 * (1.0 + RATIO), poissons_ratio=RATIO, density=1.0)
     answers = []
@@ -38,21 +38,22 @@ def run(quick: bool) -> Findings:
             bound = LUMPED_TRIANGLE if curved else TOLERANCE[element.degree]
             label = f"{name}, {lumping}" if lumping else name
             answers += [
-                Answer(label=f"{label}: {mode}", value=float(value), reference=exact(mode),
+                Quantity(label=f"{label}: {mode}", value=float(value), reference=exact(mode),
                        tolerance=bound)
                 for mode, value in zip(MODES, found, strict=True)
             ]  # fmt: skip
             if lumping is None:
                 lowest = float(min(found / np.array([exact(mode) for mode in MODES])))
-                answers.append(Answer(label=f"{name}: below exact", value=max(0.0, 1.0 - lowest),
+                answers.append(Quantity(label=f"{name}: below exact", value=max(0.0, 1.0 - lowest),
                                       tolerance=1e-12, recorded=False))  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
     name="sliding box",
     requirement="Waves in a box have the right frequencies, approached from above.",
     reference="exact; plane waves fulfil u.n = 0 and zero shear traction on the sides",
-    why="errors of order h^2 (P1) and h^4 (P2) at 16 x 16 squares; consistent mass is never below",
+    tolerance_rationale="errors of order h^2 (P1) and h^4 (P2) at 16 x 16 squares; consistent "
+    "mass is never below",
     run=run,
 )

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.checks.qualify import failures, qualify
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.qualify import check_element_material, failures
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import BBAR, CATALOGUE, MIXED, ElementType
 from needlefem.elements.quadrature import gauss, simplex
 from needlefem.materials import Isotropic, MaterialResponse
@@ -182,25 +182,30 @@ LAWS: dict[str, tuple[Any, str]] = {
 }
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Qualify every wrong thing beside a right one, and see whether its check fails."""
     answers = [
-        Answer(label="the right ones: checks failed", value=len(failures(qualify(P2, RIGHT))),
-               tolerance=0.0)
-    ]  # fmt: skip
-    caught = {what: (qualify(P2, law), name) for what, (law, name) in LAWS.items()}
-    caught |= {what: (qualify(e, RIGHT), name) for what, (e, name) in elements().items()}
+        Quantity(
+            label="the right ones: checks failed",
+            value=len(failures(check_element_material(P2, RIGHT))),
+            tolerance=0.0,
+        )
+    ]
+    caught = {what: (check_element_material(P2, law), name) for what, (law, name) in LAWS.items()}
+    caught |= {
+        what: (check_element_material(e, RIGHT), name) for what, (e, name) in elements().items()
+    }
     for what, (checks, name) in caught.items():
         hit = float(name in failures(checks))
         label = f"{what}: caught by '{name}'"
-        answers.append(Answer(label=label, value=hit, reference=1.0))
-    return Findings(answers=answers)
+        answers.append(Quantity(label=label, value=hit, reference=1.0))
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
     name="wrong on purpose",
     requirement="A wrong element or law fails a check that says what is wrong with it.",
     reference="the mistakes that are made: signs, factors, orders, rules",
-    why="a check that can't fail is none",
+    tolerance_rationale="a check that can't fail is none",
     run=run,
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from needlefem.checks.integrator_checks import check_integrator
 from needlefem.checks.qualify import failures
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -111,39 +111,44 @@ class Wrong:
 
 AVERAGE = AlphaParameters(0.0, 0.0, 0.25, 0.5)
 WRONG: dict[str, tuple[Integrator, str]] = {
-    "beta and gamma swapped": (Wrong(ImplicitStepper, AlphaParameters(0.0, 0.0, 0.5, 0.25)), "stability"),
+    "beta and gamma swapped": (
+        Wrong(ImplicitStepper, AlphaParameters(0.0, 0.0, 0.5, 0.25)),
+        "stability",
+    ),
     "stale acceleration": (Wrong(StaleAcceleration, AVERAGE), "order, free"),
     "predictor without acceleration": (Wrong(WrongPredictor, AVERAGE), "free fall"),
     "damping left out": (Wrong(Undamped, AVERAGE), "damping"),
     "alpha on the wrong side": (
-        Wrong(ImplicitStepper, AlphaParameters(0.0, -0.1, 0.3025, 0.6)), "order, free"),
+        Wrong(ImplicitStepper, AlphaParameters(0.0, -0.1, 0.3025, 0.6)),
+        "order, free",
+    ),
     "old acceleration counted twice": (Wrong(HalfVelocity, AVERAGE), "free fall"),
     "memory left as it was": (Wrong(Forgetful, AVERAGE), "order, memory"),
     "velocity of the step's middle": (Wrong(BorrowedVelocity, AVERAGE), "energy"),
     "no limit to the step": (CentralDifference(refuse_unstable=False), "stability"),
     "force of the step before": (Wrong(LateForce, AVERAGE), "order, pushed"),
-}  # fmt: skip
+}
 """What is wrong, and the check that must catch it."""
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Qualify wrong integrators beside the right ones."""
     answers = [
-        Answer(label=f"{name}: checks failed", value=len(failures(check_integrator(integrator))),
+        Quantity(label=f"{name}: checks failed", value=len(failures(check_integrator(integrator))),
                tolerance=0.0)
         for name, integrator in RIGHT.items()
         if name in QUICK or not quick
     ]  # fmt: skip
     for what, (integrator, name) in WRONG.items():
         hit = float(name in failures(check_integrator(integrator, names=[name])))
-        answers.append(Answer(label=f"{what}: caught by '{name}'", value=hit, reference=1.0))
-    return Findings(answers=answers)
+        answers.append(Quantity(label=f"{what}: caught by '{name}'", value=hit, reference=1.0))
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
     name="wrong integrators",
     requirement="A wrong integrator fails a check that says what is wrong with it.",
     reference="the mistakes that are made: swapped parameters, stale states, forgotten terms",
-    why="a check that can't fail is none",
+    tolerance_rationale="a check that can't fail is none",
     run=run,
 )

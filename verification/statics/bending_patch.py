@@ -1,7 +1,7 @@
 """S2: pure bending is met exactly by quadratic elements on any mesh, and by no linear one."""
 
 from needlefem.checks.element_material_checks import bending_error
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 
@@ -11,7 +11,7 @@ LINEAR = 1e-3
 """Least error of linear ones, which have no curvature: a thousandth at the very least."""
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Prescribe pure bending on the boundary of a distorted mesh, in both plane states."""
     answers = []
     for name, element in CATALOGUE.items():
@@ -21,12 +21,12 @@ def run(quick: bool) -> Findings:
                 error = bending_error(element, material, plane)
                 label = f"{name}, plane {plane}, nu {ratio}"
                 if element.degree >= 2:
-                    answer = Answer(label=label, value=error, tolerance=bound, recorded=False)
+                    answer = Quantity(label=label, value=error, tolerance=bound, recorded=False)
                 else:
                     label += ": fails"
-                    answer = Answer(label=label, value=error, reference=LINEAR, at_least=True)
+                    answer = Quantity(label=label, value=error, reference=LINEAR, at_least=True)
                 answers.append(answer)
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
@@ -34,6 +34,7 @@ PROBLEM = Problem(
     requirement="A strain that is linear across the mesh is met exactly by quadratic elements; "
     "linear ones fail.",
     reference="exact, u = x y, v = -(x^2 + b y^2) / 2; S. P. Timoshenko, J. N. Goodier 1951",
-    why="round-off times the condition of the system; linear elements miss by far more than that",
+    tolerance_rationale="round-off times the condition of the system; linear elements miss by "
+    "far more than that",
     run=run,
 )

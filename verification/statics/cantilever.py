@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import no_slower, sweep
+from needlefem.checks.convergence import convergence_study, order_at_least
 from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
@@ -68,14 +68,14 @@ def deflection_error(solved: StaticSolution) -> float:
     return abs(float(solved.at(np.array([[LENGTH, 0.0]]))[0, 1]) / TIP - 1.0)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Refine all elements."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
     levels = (1, 2, 4) if quick else (1, 2, 4, 8, 16)
     for name, element in CATALOGUE.items():
-        found, finest = sweep(
+        found, finest = convergence_study(
             name, levels, lambda n, e=element: solve(e, n),
             lambda s: {"deflection": deflection_error(s), "L2": s.l2_error(displacement),
                        "H1": s.h1_error(gradient)},
@@ -86,19 +86,20 @@ def run(quick: bool) -> Findings:
         for level, error in zip(levels, errors, strict=True):
             if (name, level) in LIMITS:
                 label = f"{name}, level {level}: deflection, relative error"
-                answers.append(Answer(label=label, value=error, tolerance=LIMITS[name, level]))
+                answers.append(Quantity(label=label, value=error, tolerance=LIMITS[name, level]))
         if not quick:
-            answers += [no_slower(found["L2"]), no_slower(found["H1"])]
+            answers += [order_at_least(found["L2"]), order_at_least(found["H1"])]
         if name == "Q2":
             shapes.append(Shape(title="Q2", solution=finest, magnified=3.0))
-    return Findings(answers=answers, curves=curves, shapes=shapes)
+    return ProblemResult(quantities=answers, curves=curves, shapes=shapes)
 
 
 PROBLEM = Problem(
     name="Timoshenko cantilever",
     requirement="A short cantilever deflects by bending and shear.",
     reference="exact, plane stress, exact data at both ends; S. P. Timoshenko, J. N. Goodier 1951",
-    why="0.1 % with 54 (Q2) and 170 (P2) displacements, 1 % with 594 (Q1); bending is "
+    tolerance_rationale="0.1 % with 54 (Q2) and 170 (P2) displacements, 1 % with 594 (Q1); "
+    "bending is "
     "met late by linear elements, so that their errors fall faster than theory at first",
     run=run,
 )

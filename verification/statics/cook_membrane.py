@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.convergence import sweep
+from needlefem.checks.convergence import convergence_study
 from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Answer, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity, Shape
 from needlefem.checks.work_precision import elements_race
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
@@ -77,7 +77,7 @@ def corner(solved: StaticSolution) -> float:
     return float(solved.at(CORNER)[0, 1])
 
 
-def compare(name: str, divisions: int, case: Case) -> list[Answer]:
+def compare(name: str, divisions: int, case: Case) -> list[Quantity]:
     """Return corner, middle and work of a case: they must not be taken for one another."""
     solved = solve(CATALOGUE[name], divisions, case)
     work = 2.0 * float(solved.stiffness.energy(solved.u[:, None])[0])
@@ -89,18 +89,18 @@ def compare(name: str, divisions: int, case: Case) -> list[Answer]:
         "work": (work, case.work),
     }
     return [
-        Answer(label=f"{label}: {what}", value=value, reference=reference, tolerance=1e-2)
+        Quantity(label=f"{label}: {what}", value=value, reference=reference, tolerance=1e-2)
         for what, (value, reference) in values.items()
     ]
 
 
-def locking(quick: bool) -> Findings:
+def locking(quick: bool) -> ProblemResult:
     """Return the errors of all elements near incompressibility beside the other code's."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves, shapes = [], []
     for name, expected in LOCKING.items():
         divisions = (8, 16) if quick else (8, 16, 32)
-        found, finest = sweep(
+        found, finest = convergence_study(
             name,
             divisions,
             lambda n, e=CATALOGUE[name]: solve(e, n, RUBBER),
@@ -109,13 +109,15 @@ def locking(quick: bool) -> Findings:
         curves.append(found["corner"])
         for count, error, percent in zip(divisions, found["corner"].errors, expected, strict=False):
             label = f"{name}, nu 0.4999, {count} divisions: error beside {percent:g} %"
-            answers.append(Answer(label=label, value=abs(error + percent / 100.0), tolerance=SHARE))
+            answers.append(
+                Quantity(label=label, value=abs(error + percent / 100.0), tolerance=SHARE)
+            )
         if name in ("P1", "P2-P1"):
             shapes.append(Shape(title=f"{name}, nu 0.4999", solution=finest))
-    return Findings(answers=answers, curves=curves, shapes=shapes)
+    return ProblemResult(quantities=answers, curves=curves, shapes=shapes)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare cases, then elements near incompressibility."""
     answers = [answer for case in CASES for answer in compare("Q2", 16, case)]
     if not quick:
@@ -125,16 +127,16 @@ def run(quick: bool) -> Findings:
         if divisions <= 16 or not quick:
             solved = solve(CATALOGUE[name], divisions, RUBBER)
             answers.append(
-                Answer(label=f"{name}, nu 0.4999, {solved.free} dofs: v(48, 60)",
+                Quantity(label=f"{name}, nu 0.4999, {solved.free} dofs: v(48, 60)",
                        value=corner(solved), reference=RUBBER.corner[1], tolerance=1e-2)
             )  # fmt: skip
     for name in ("P1", "Q1"):
         error = 1.0 - corner(solve(CATALOGUE[name], 16, RUBBER)) / RUBBER.corner[1]
         answers.append(
-            Answer(label=f"{name}, nu 0.4999: locks", value=error, reference=0.5, at_least=True)
+            Quantity(label=f"{name}, nu 0.4999: locks", value=error, reference=0.5, at_least=True)
         )
     found = locking(quick)
-    return dataclasses.replace(found, answers=[*answers, *found.answers])
+    return dataclasses.replace(found, answers=[*answers, *found.quantities])
 
 
 RACES = [
@@ -155,7 +157,8 @@ PROBLEM = Problem(
     "incompressibility, elements with a cure do not.",
     reference="R. D. Cook 1974; values on vertex-graded meshes of degree 4 (28,354 dofs), corner "
     "(48, 60) and middle (48, 52) of the loaded side apart; errors of elements by another code",
-    why="1 %: the clamped corner's singularity limits every element to first order; two "
+    tolerance_rationale="1 %: the clamped corner's singularity limits every element to first "
+    "order; two "
     "codes on the same grid agree to the last digit given",
     run=run,
     races=RACES,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import sweep
+from needlefem.checks.convergence import convergence_study
 from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
@@ -54,38 +54,38 @@ def solve(element: ElementType, level: int) -> StaticSolution:
     return problem.solve()
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare stresses under the strip and the displacement everywhere."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
     levels = (1, 2) if quick else (1, 2, 4, 8)
     for name, element in CATALOGUE.items():
-        found, finest = sweep(
+        found, finest = convergence_study(
             name, levels, lambda n, e=element: solve(e, n),
             lambda s: {"L2": s.l2_error(displacement)},
         )  # fmt: skip
         curves.append(found["L2"])
         if not quick:
             answers.append(
-                Answer(label=f"{name}: error in L2", value=found["L2"].errors[-1], tolerance=1e-3)
+                Quantity(label=f"{name}: error in L2", value=found["L2"].errors[-1], tolerance=1e-3)
             )
             answers += stresses(name, finest, 5e-3)
         if name == "Q2":
             shapes.append(Shape(title="Q2", solution=finest, magnified=0.3))
     quickest = solve(CATALOGUE["Q2"], 2)
     answers += stresses("Q2, level 2", quickest, 3e-2)
-    return Findings(answers=answers, curves=curves, shapes=shapes)
+    return ProblemResult(quantities=answers, curves=curves, shapes=shapes)
 
 
-def stresses(name: str, solved: StaticSolution, bound: float) -> list[Answer]:
+def stresses(name: str, solved: StaticSolution, bound: float) -> list[Quantity]:
     """Return the stresses under the middle of the strip, in units of the pressure."""
     answers = []
     for depth, (along, across) in STRESSES.items():
         found = solved.vertex_stress(np.array([0.0, depth]))
         off = max(abs(found[1] - along), abs(found[0] - across))
         label = f"{name}: stresses at depth {depth:g}"
-        answers.append(Answer(label=label, value=float(off), tolerance=bound))
+        answers.append(Quantity(label=label, value=float(off), tolerance=bound))
     return answers
 
 
@@ -94,7 +94,8 @@ PROBLEM = Problem(
     requirement="Stress and displacement under a strip of pressure are those of the half-plane "
     "that the mesh is cut from.",
     reference="exact, plane strain; A. Flamant 1892, potentials of E. Goursat 1898",
-    why="0.5 % of the pressure for stresses at a vertex, 3 % on the coarse mesh; 0.1 % in "
+    tolerance_rationale="0.5 % of the pressure for stresses at a vertex, 3 % on the coarse mesh; "
+    "0.1 % in "
     "displacement: the jump of the pressure keeps all elements below their order",
     run=run,
 )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from needlefem.checks.models import for_bent_cells, mapped_mesh
-from needlefem.checks.reference_problem import Answer, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity, Shape
 from needlefem.elements import CATALOGUE
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
@@ -37,9 +37,9 @@ def solve(name: str, share: float, length: float, cells: int) -> StaticSolution:
     return problem.apply_traction(lambda _, n: n, lambda x: x[:, 0] > corner[0] - 1e-9).solve()
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare all widths."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     shapes: list[Shape] = []
     for kind, length, table in (("square", 1.0, SQUARE), ("strip", LONG, STRIP)):
         for share, reference in table.items():
@@ -48,12 +48,12 @@ def run(quick: bool) -> Findings:
             solved = solve("Q2", share, length, 16)
             stress = float(solved.vertex_stress(np.array([0.0, 1.0]))[0])
             answers.append(
-                Answer(label=f"{kind}, d/W {share:g}", value=stress, reference=reference,
+                Quantity(label=f"{kind}, d/W {share:g}", value=stress, reference=reference,
                        tolerance=1e-2)
             )  # fmt: skip
             if share == 0.5:
                 shapes.append(Shape(title=f"{kind}, d/W 0.5", solution=solved, magnified=0.1))
-    return Findings(answers=answers, shapes=shapes)
+    return ProblemResult(quantities=answers, shapes=shapes)
 
 
 PROBLEM = Problem(
@@ -61,7 +61,8 @@ PROBLEM = Problem(
     requirement="The stress concentration at a hole depends on the width and length of the plate.",
     reference="gross stress over remote stress; square plates by a Michell series with boundary "
     "residual below 4e-5, strips by series and FEM alike; R. C. J. Howland 1930 for the strip",
-    why="1 % for a stress at a vertex, not smoothed (Q2, 16 x 32 cells); the often used polynomial "
+    tolerance_rationale="1 % for a stress at a vertex, not smoothed (Q2, 16 x 32 cells); the "
+    "often used polynomial "
     "for strips is 0.8 % low at d/W 0.5",
     run=run,
 )

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.convergence import no_slower, sweep
+from needlefem.checks.convergence import convergence_study, order_at_least
 from needlefem.checks.models import joined, mapped_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
 from needlefem.checks.work_precision import elements_race
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
@@ -141,9 +141,9 @@ def errors(solved: StaticSolution, case: Case) -> float:
     return abs(float(disc_stress(solved)[0]) / case.along - 1.0)
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare the mean stress in the disc, and the displacement everywhere."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
     levels = (1, 2) if quick else (1, 2, 4)
@@ -152,24 +152,24 @@ def run(quick: bool) -> Findings:
             if level <= levels[-1] and not (name == "Q1" and case.disc > 1e6):
                 error = errors(solve(CATALOGUE[name], level, case), case)
                 what = f"{name}, level {level}, {label}: stress in the disc"
-                answers.append(Answer(label=what, value=error, tolerance=limit))
+                answers.append(Quantity(label=what, value=error, tolerance=limit))
     for name in ("Q1-Bbar", "P2-P1", "Q2-Q1"):
         error = errors(solve(CATALOGUE[name], 2, RUBBER), RUBBER)
         label = f"{name}, level 2, nu 0.4999: stress in the disc"
-        answers.append(Answer(label=label, value=error, tolerance=1e-2))
+        answers.append(Quantity(label=label, value=error, tolerance=1e-2))
     case = CASES["nu 0.49"]
     exact = Field(case).displacement
     for name, element in CATALOGUE.items():
-        found, finest = sweep(
+        found, finest = convergence_study(
             name, levels, lambda n, e=element: solve(e, n, case),
             lambda s: {"L2": s.l2_error(exact)}, {"L2": 2.0},
         )  # fmt: skip
         curves.append(found["L2"])
         if not quick and element.poissons_ratio_limit >= case.ratio:
-            answers.append(no_slower(found["L2"], 0.2))
+            answers.append(order_at_least(found["L2"], 0.2))
         if name == "P2-P1":
             shapes.append(Shape(title="P2-P1, nu 0.49", solution=finest, magnified=4.0))
-    return Findings(answers=answers, curves=curves, shapes=shapes)
+    return ProblemResult(quantities=answers, curves=curves, shapes=shapes)
 
 
 RACES = [
@@ -189,7 +189,8 @@ PROBLEM = Problem(
     requirement="A disc of another stiffness is strained evenly, as far from it as near.",
     reference="exact, plane strain; J. D. Eshelby 1957, outside by potentials of E. Goursat 1898 "
     "whose coefficients follow from continuity",
-    why="1 % with 880 displacements (Q2), 0.1 % with 3,552; a polygon stands for the circle, so "
+    tolerance_rationale="1 % with 880 displacements (Q2), 0.1 % with 3,552; a polygon stands for "
+    "the circle, so "
     "that every element is of second order",
     run=run,
     races=RACES,

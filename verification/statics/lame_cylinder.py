@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import order_answer, sweep
+from needlefem.checks.convergence import convergence_study, order_answer
 from needlefem.checks.models import for_bent_cells, mapped_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
 from needlefem.checks.work_precision import elements_race
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.errors import CaseError
@@ -86,7 +86,7 @@ def curve(
 ) -> tuple[dict[str, Curve], StaticSolution]:
     """Return the errors of an element at a Poisson's ratio."""
     element, exact = CATALOGUE[name], Cylinder(ratio)
-    return sweep(
+    return convergence_study(
         f"{name}, nu {ratio:g}",
         levels,
         lambda n: solve(element, n, ratio),
@@ -106,12 +106,12 @@ LIMITS = {
 """Largest error in L2 by element, Poisson's ratio and level of the mesh."""
 
 
-def arcs(label: str, solved: StaticSolution, ratio: float) -> list[Answer]:
+def arcs(label: str, solved: StaticSolution, ratio: float) -> list[Quantity]:
     """Return the displacement of both arcs."""
     moved = solved.at_vertices()
     bound = 10.0 ** (-1 - solved.space.element.degree)
     return [
-        Answer(label=f"{label}: u({what})",
+        Quantity(label=f"{label}: u({what})",
                value=float(moved[solved.vertex(np.array([at, 0.0])), 0]),
                reference=table[ratio], tolerance=bound)
         for what, at, table in (("a", INNER, INNER_MOVES), ("b", OUTER, OUTER_MOVES))
@@ -125,10 +125,10 @@ BESIDE = {
 lock."""
 
 
-def of_element(name: str, quick: bool) -> tuple[list[Answer], list[Curve], StaticSolution]:
+def of_element(name: str, quick: bool) -> tuple[list[Quantity], list[Curve], StaticSolution]:
     """Return what is asked of one element."""
     element = CATALOGUE[name]
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     for ratio in (0.3, 0.4999):
         levels = (1, 2) if quick else (1, 2, 4, 8)
@@ -137,7 +137,7 @@ def of_element(name: str, quick: bool) -> tuple[list[Answer], list[Curve], Stati
         label = f"{name}, nu {ratio}"
         if ratio > 0.49 and name in BESIDE:
             answers.append(
-                Answer(label=f"{label}: error in L2 beside another code's",
+                Quantity(label=f"{label}: error in L2 beside another code's",
                        value=found["L2"].errors[0], reference=BESIDE[name], tolerance=3e-2)
             )  # fmt: skip
         if element.poissons_ratio_limit < ratio:
@@ -147,44 +147,44 @@ def of_element(name: str, quick: bool) -> tuple[list[Answer], list[Curve], Stati
             limit = LIMITS.get((name, ratio, level))
             if limit is not None:
                 what = f"{label}: error in L2, {dofs} dofs"
-                answers.append(Answer(label=what, value=error, tolerance=limit))
+                answers.append(Quantity(label=what, value=error, tolerance=limit))
         if not quick:
             answers += [order_answer(c) for c in found.values()]
             answers += arcs(label, finest, ratio)
     return answers, curves, finest
 
 
-def refusal(name: str, solved: StaticSolution) -> list[Answer]:
+def refusal(name: str, solved: StaticSolution) -> list[Quantity]:
     """Return the answer that an untrustworthy stress is refused, not given."""
     try:
         solved.stress(np.array([[0.3, 0.3]]))
         refused = 0.0
     except CaseError:
         refused = 1.0
-    return [Answer(label=f"{name}, nu 0.4999: stress refused", value=refused, reference=1.0)]
+    return [Quantity(label=f"{name}, nu 0.4999: stress refused", value=refused, reference=1.0)]
 
 
-def pressures() -> list[Answer]:
+def pressures() -> list[Quantity]:
     """Return the mean stress of those whose stress may be read near incompressibility."""
     return [
-        Answer(label=f"{name}, nu 0.4999: mean stress", value=mean_stress_error(
+        Quantity(label=f"{name}, nu 0.4999: mean stress", value=mean_stress_error(
             solve(CATALOGUE[name], 2, 0.4999)), tolerance=2e-2)
         for name in ("Q1-Bbar", "P2-P1", "Q2-Q1")
     ]  # fmt: skip
 
 
-def towards_incompressible() -> Answer:
+def towards_incompressible() -> Quantity:
     """Return how the error of P2-P1 changes from nu 0.49 to 0.499999."""
     errors = [curve("P2-P1", ratio, (2,))[0]["L2"].errors[0] for ratio in (0.49, 0.499999)]
-    return Answer(
+    return Quantity(
         label="P2-P1: error at nu 0.499999 over that at 0.49", value=errors[1] / errors[0],
         reference=1.0, tolerance=SPREAD, recorded=False,
     )  # fmt: skip
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Measure errors, orders, stresses and refusals of all elements."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
     for name in CATALOGUE:
@@ -195,7 +195,7 @@ def run(quick: bool) -> Findings:
             shapes.append(Shape(title="P2-P1, nu 0.4999", solution=finest, magnified=0.2))
     tissue = solve(CATALOGUE["P2"], 2, 0.49)
     answers += [*arcs("P2, nu 0.49", tissue, 0.49), *pressures(), towards_incompressible()]
-    return Findings(answers=answers, curves=curves, shapes=shapes)
+    return ProblemResult(quantities=answers, curves=curves, shapes=shapes)
 
 
 RACES = [
@@ -215,7 +215,8 @@ PROBLEM = Problem(
     requirement="Displacement and mean stress of a thick cylinder are right, for any Poisson's "
     "ratio that the element is made for; stresses that would be wrong are refused.",
     reference="exact, plane strain; G. Lame 1852",
-    why="1 % (Q1, Q1-Bbar) and 0.1 % (P2, Q2) with 216 displacements, 0.1 % (P2-P1, Q2-Q1) with "
+    tolerance_rationale="1 % (Q1, Q1-Bbar) and 0.1 % (P2, Q2) with 216 displacements, 0.1 % "
+    "(P2-P1, Q2-Q1) with "
     "251 unknowns near incompressibility; orders within 0.15; errors that another code has to "
     "the two digits given; two digits of the error of P2-P1 stay as nu nears 1/2",
     run=run,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import sweep
+from needlefem.checks.convergence import convergence_study
 from needlefem.checks.models import for_bent_cells, mapped_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem, Shape
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
@@ -61,14 +61,14 @@ def hoop(solved: StaticSolution) -> float:
     return float(solved.vertex_stress(POINT_D)[1])
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Compare the stress at D on finer and finer meshes."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
     levels = (1, 2) if quick else (1, 2, 4, 8)
     for name, element in CATALOGUE.items():
-        found, finest = sweep(
+        found, finest = convergence_study(
             name, levels, lambda n, e=element: solve(e, n),
             lambda s: {"stress at D": abs(hoop(s) / HOOP - 1.0)},
         )  # fmt: skip
@@ -77,17 +77,18 @@ def run(quick: bool) -> Findings:
         for level, dofs, error in zip(levels, curve.dofs, curve.errors, strict=True):
             if (name, level) in LIMITS:
                 label = f"{name}, {dofs} dofs: stress at D, relative error"
-                answers.append(Answer(label=label, value=error, tolerance=LIMITS[name, level]))
+                answers.append(Quantity(label=label, value=error, tolerance=LIMITS[name, level]))
         if name == "Q2":
             shapes.append(Shape(title="Q2", solution=finest, magnified=1e3))
-    return Findings(answers=answers, curves=curves, shapes=shapes)
+    return ProblemResult(quantities=answers, curves=curves, shapes=shapes)
 
 
 PROBLEM = Problem(
     name="NAFEMS LE1",
     requirement="The stress where an elliptic hole is most strained is right.",
     reference="92.657 MPa, converged; NAFEMS LE1 (1990) publishes 92.7",
-    why="1 % with 1,122 displacements (Q2), 0.2 % on the finest mesh; the stress is read where it "
+    tolerance_rationale="1 % with 1,122 displacements (Q2), 0.2 % on the finest mesh; the stress "
+    "is read where it "
     "changes most, at a corner, and not smoothed",
     run=run,
 )

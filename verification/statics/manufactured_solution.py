@@ -1,9 +1,9 @@
 """S4: manufactured solutions converge at the order of theory, and from a small error."""
 
-from needlefem.checks.convergence import order_answer, sweep
+from needlefem.checks.convergence import convergence_study, order_answer
 from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
 from needlefem.checks.models import distorted_mesh
-from needlefem.checks.reference_problem import Answer, Curve, Findings, Problem
+from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic, plane_volumetric_split
@@ -30,7 +30,7 @@ def study(name: str, ratio: float, field: Manufactured, quick: bool) -> dict[str
     element = CATALOGUE[name]
     fine = FINEST[element.degree]
     orders = {"L2": element.degree + 1.0, "H1": float(element.degree)}
-    curves, _ = sweep(
+    curves, _ = convergence_study(
         f"{name}, nu {ratio}",
         (fine // 2, fine) if quick else (fine // 4, fine // 2, fine),
         lambda n: solve(element, n, ratio, field),
@@ -40,9 +40,9 @@ def study(name: str, ratio: float, field: Manufactured, quick: bool) -> dict[str
     return curves
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Refine at nu 0.3 with a general field, and at 0.4999 with one that keeps its volume."""
-    answers: list[Answer] = []
+    answers: list[Quantity] = []
     curves: list[Curve] = []
     for name, element in CATALOGUE.items():
         for ratio, field in ((0.3, GENERAL), (0.4999, ISOCHORIC)):
@@ -51,17 +51,17 @@ def run(quick: bool) -> Findings:
             if element.poissons_ratio_limit >= ratio:
                 answers += [order_answer(curve) for curve in found.values()]
                 answers += [
-                    Answer(label=f"{c.element}: error in {c.quantity}", value=c.errors[-1],
+                    Quantity(label=f"{c.element}: error in {c.quantity}", value=c.errors[-1],
                            tolerance=CEILING[element.degree, c.quantity])
                     for c in found.values()
                 ]  # fmt: skip
             elif element.degree == 1:
                 c = found["L2"]
                 answers.append(
-                    Answer(label=f"{c.element}: locks, error in L2", value=c.errors[-1],
+                    Quantity(label=f"{c.element}: locks, error in L2", value=c.errors[-1],
                            reference=0.1, at_least=True)
                 )  # fmt: skip
-    return Findings(answers=answers, curves=curves)
+    return ProblemResult(quantities=answers, curves=curves)
 
 
 PROBLEM = Problem(
@@ -70,7 +70,8 @@ PROBLEM = Problem(
     "small error, also near incompressibility where the element is made for it; linear elements "
     "without a cure lock there.",
     reference="exact under its own body force; P. J. Roache 2002",
-    why="orders within 0.15 on distorted meshes; ceilings a third above the least accurate element "
+    tolerance_rationale="orders within 0.15 on distorted meshes; ceilings a third above the "
+    "least accurate element "
     "of each degree, to hold the level as well as the slope",
     run=run,
 )

@@ -6,29 +6,29 @@ import numpy as np
 
 from needlefem.checks.mesh_checks import rigid_motion, spectrum, zero_modes
 from needlefem.checks.models import distorted_mesh, rectangle
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 from needlefem.elements.quadrature import gauss
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem
 from needlefem.materials import Isotropic
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Count zero eigenvalues of K, and measure the force that rigid motions cost."""
     answers = []
     for name, element in CATALOGUE.items():
         material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
         model = rectangle(element, material, 4)  # K itself knows of no supports
-        modes = Answer(
+        modes = Quantity(
             label=f"{name}: zero modes", value=zero_modes(model), reference=3.0, tolerance=0.0
         )
-        force = Answer(
+        force = Quantity(
             label=f"{name}: force of rigid motions",
             value=rigid_motion(model).value,
             tolerance=1e-12,
             recorded=False,
         )
-        gap = Answer(
+        gap = Quantity(
             label=f"{name}: smallest other eigenvalue",
             value=float(spectrum(model.stiffness)[3]),
             reference=1e-3,
@@ -40,16 +40,16 @@ def run(quick: bool) -> Findings:
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
     values = spectrum(BoundaryValueProblem(distorted_mesh(blind, 4), blind, law).stiffness)
     answers.append(
-        Answer(label="Q1 with one point: zero modes, two of them hourglasses",
+        Quantity(label="Q1 with one point: zero modes, two of them hourglasses",
                value=int(np.sum(np.abs(values) < 1e-12)), reference=5.0)
     )  # fmt: skip
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
     name="null space",
     requirement="Two translations and one rotation cost no force, and nothing else.",
     reference="exact; linear elasticity is indifferent to infinitesimal rigid motions",
-    why="a count is exact; forces are round-off",
+    tolerance_rationale="a count is exact; forces are round-off",
     run=run,
 )

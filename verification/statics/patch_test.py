@@ -2,7 +2,7 @@
 
 from needlefem.checks.mesh_checks import patch_error, traction_patch_error
 from needlefem.checks.models import distorted_mesh
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 
@@ -10,7 +10,7 @@ PULLED = 100.0
 """How much more round-off a patch may have that only three displacements hold."""
 
 
-def run(quick: bool) -> Findings:
+def run(quick: bool) -> ProblemResult:
     """Prescribe a linear field or constant tractions on the boundary; measure the error."""
     answers = []
     for name, element in CATALOGUE.items():
@@ -18,19 +18,19 @@ def run(quick: bool) -> Findings:
             material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
             worst = patch_error(distorted_mesh(element, 4), element, material)
             label = f"{name}, nu {ratio}: largest error"
-            answers.append(Answer(label=label, value=worst, tolerance=bound, recorded=False))
+            answers.append(Quantity(label=label, value=worst, tolerance=bound, recorded=False))
             pulled = traction_patch_error(distorted_mesh(element, 4), element, material)
             label = f"{name}, nu {ratio}: largest error, by tractions"
             answers.append(
-                Answer(label=label, value=pulled, tolerance=PULLED * bound, recorded=False)
+                Quantity(label=label, value=pulled, tolerance=PULLED * bound, recorded=False)
             )
-    return Findings(answers=answers)
+    return ProblemResult(quantities=answers)
 
 
 PROBLEM = Problem(
     name="patch",
     requirement="A linear displacement on the boundary gives the same linear displacement inside.",
     reference="exact; B. M. Irons, A. Razzaque 1972",
-    why="round-off times the condition of the system, which grows as nu nears 1/2",
+    tolerance_rationale="round-off times the condition of the system, which grows as nu nears 1/2",
     run=run,
 )

@@ -40,7 +40,7 @@ def cycled(scene: Scene, cycles: int) -> Table:
         "discretisation.integrator": "quasi-static",
     }
     simulation = Simulation(vary(scene, changes))
-    course = simulation.course(simulation.entry_of_case())
+    course = simulation.insertion_run(simulation.entry_of_case())
     watched = {1, 2, cycles // 10, cycles // 2, cycles}
     rows: list[list[float]] = []
     number, rested, tip, left = 0, False, np.zeros(scene.dim), 0.0
@@ -54,7 +54,7 @@ def cycled(scene: Scene, cycles: int) -> Table:
             tip = state.tip
         rested = resting
         if state.tip_phase is TipPhase.OUTSIDE and course.stepping is not None:
-            account = course.stepping.account
+            account = course.stepping.energy_balance
             left = max(left, abs(account.strain) / account.turnover if account.turnover else 0.0)
     if number < cycles:
         raise SimulationError(f"only {number} of {cycles} cycles: {course.outcome.sentence}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from needlefem._table import Table
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.trajectory import TipTrajectory
@@ -70,7 +70,7 @@ def over_speed(scene: Scene, integrator: str) -> Table:
             for state in found.states
             if state.depth > 0.5 * depth and (reach := path.at_depth(state.depth)) is not None
         ]
-        energies = ledger(found)
+        energies = energy_terms(found)
         rows.append([100.0 * speed, 100.0 * max(apart), energies.residual, energies.given])
     falls = all(a[1] >= b[1] for a, b in pairwise(rows))
     slow = all(row[1] <= 100.0 * BOUND for row in rows if row[0] <= 100.0 * SLOW)
@@ -100,7 +100,7 @@ def landings(scene: Scene) -> Table:
     }
     for kind, (integrator, damping) in kinds.items():
         found = inserted(moving(hard, integrator, 0.1 * SLOW, damping), scene.motion.max_depth)
-        energies, (jump, at) = ledger(found), leap(found)
+        energies, (jump, at) = energy_terms(found), leap(found)
         place = float(found.axis.axial_coordinate(found.states[-1].tip))
         rows.append([kind, str(found.outcome.status), 100.0 * at, 100.0 * jump, 100.0 * place,
                      energies.residual, energies.given])  # fmt: skip
@@ -139,8 +139,8 @@ def at_length(scene: Scene) -> Table:
         found = simulation.move(simulation.entry_of_case())
         forces = [state.force for state in found.states if state.depth == depth]
         rows.append([integrator, len(found.states), str(found.outcome.status),
-                     forces[len(forces) // 2], forces[-1], ledger(found).residual,
-                     ledger(found).given])  # fmt: skip
+                     forces[len(forces) // 2], forces[-1], energy_terms(found).residual,
+                     energy_terms(found).given])  # fmt: skip
     return Table(
         title=f"{CYCLES} times to and fro with holds, static over kinetic friction 1.5",
         columns=("tissue", "steps", "status", "force half way", "at last", "ledger", "given"),

@@ -1,7 +1,7 @@
 """The energy ledger of the case's insertion by two formulas."""
 
 from needlefem._table import Table
-from needlefem.insertion.energy_balance import ledger
+from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.simulation import Simulation
 from needlefem.scene import Scene, vary
 
@@ -17,7 +17,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         spacing = factor * scene.discretisation.path_spacing
         simulation = Simulation(vary(scene, {"discretisation.path_spacing": spacing}))
         insertion = simulation.insert(simulation.entry_of_case())
-        consistent, trapezoidal = ledger(insertion), ledger(insertion, trapezoidal=True)
+        consistent, trapezoidal = energy_terms(insertion), energy_terms(insertion, trapezoidal=True)
         holds = (
             consistent.identity <= IDENTITY
             and consistent.residual <= CONSISTENT

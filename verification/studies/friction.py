@@ -57,7 +57,7 @@ def _peak(scene: Scene, length: float, step: float) -> float:
         "discretisation.time_step": step / scene.motion.speed,
     }
     simulation = Simulation(vary(scene, changes))
-    course = simulation.course(simulation.entry_of_case())
+    course = simulation.insertion_run(simulation.entry_of_case())
     rested = 0.5 * deep / fast + 1.0 - 1e-9
     forces = [state.force for state in course.iterate() if state.time > rested]
     return float(np.max(forces))

@@ -41,13 +41,13 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
     }
     moved = vary(moving(scene, integrator, SLOW, DAMPING), changes)
     simulation = Simulation(vary(moved, {"discretisation.time_step": STEP}))
-    course = simulation.course(simulation.entry_of_case())
+    course = simulation.insertion_run(simulation.entry_of_case())
     seen = list(_rests(course, deep))
     if len(seen) < cycles or course.stepping is None:
         raise SimulationError(f"only {len(seen)} of {cycles} cycles: {course.outcome.sentence}")
     tenth = cycles // 10
     rows = [seen[number] for number in sorted({0, 1, 2, tenth, cycles // 2, cycles - 1})]
-    ledger = course.stepping.account.ledger()
+    ledger = course.stepping.energy_balance.energy_terms()
     growth = rows[-1][-1] / seen[tenth][-1] - 1.0
     drifts = [abs(rows[-1][column] / rows[-2][column] - 1.0) for column in (2, 4)]
     return Table(
@@ -74,7 +74,7 @@ def _rests(course: InsertionRun, deep: float) -> Iterator[list[float]]:
             stuck += _stick(old.slipping, state.slipping)
             if old.depth == deep and state.depth != deep and course.stepping is not None:
                 number += 1
-                account = course.stepping.account
+                account = course.stepping.energy_balance
                 kinetic = account.kinetic / (account.turnover / number)
                 cut = advance(old.tip, tip)[1]
                 yield [number, count + 1, old.force, cut, kinetic, stuck, most_memory()]

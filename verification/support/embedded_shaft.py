@@ -16,7 +16,7 @@ LATERAL_STIFFNESS = 1e9
 """Of the hold on the axis, N/m^3; where tissue moves along the axis alone it does nothing."""
 
 
-class LyingNeedle:
+class EmbeddedShaft:
     """A shaft in an unloaded tissue, moved along its axis by as much as one wants.
 
     Parameters

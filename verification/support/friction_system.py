@@ -20,7 +20,7 @@ FINE = 1e-13
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Rest:
+class FrictionState:
     """A system under friction at one time.
 
     Parameters
@@ -51,7 +51,7 @@ class Rest:
     damped: float = 0.0
 
 
-class Rubbing:
+class FrictionSystem:
     """``M a + C v + K u = f + B^T p`` with friction p against something that moves evenly.
 
     Parameters
@@ -92,14 +92,14 @@ class Rubbing:
         """Return the force on the system, shape (n,), N."""
         return np.zeros(self.system.size) if self._load is None else self._load(time)
 
-    def start(self, u: Floats, v: Floats) -> Rest:
+    def start(self, u: Floats, v: Floats) -> FrictionState:
         """Return a start from displacement and velocity; what moves with its partner sticks."""
         away = self.speed - self.rows @ v
         slid, motion = np.sign(away), KinematicState(u, v, np.zeros_like(u))
         pull, slipped = slid * self.kinetic, np.where(slid == 0.0, 0.0, np.inf)
         force = self.load(0.0) + self.rows.T @ pull
         a = self.system.factor(1.0, 0.0, 0.0).solve(force - self.system.products(None, v, u))
-        return Rest(0.0, dataclasses.replace(motion, a=a), pull, slid, slipped)
+        return FrictionState(0.0, dataclasses.replace(motion, a=a), pull, slid, slipped)
 
     def _ready(self, duration: float, *, keep: bool) -> tuple[ImplicitStepper, Floats]:
         if duration in self._steppers:
@@ -110,7 +110,7 @@ class Rubbing:
             self._steppers[duration] = found
         return found
 
-    def step(self, old: Rest, duration: float, *, keep: bool = True) -> Rest:
+    def step(self, old: FrictionState, duration: float, *, keep: bool = True) -> FrictionState:
         """Return the state a step later."""
         stepper, columns = self._ready(duration, keep=keep)
         force = self._force(old, duration)
@@ -133,7 +133,7 @@ class Rubbing:
         moved = motion.u - old.motion.u
         drag = self.system.products(None, 0.5 * (old.motion.v + motion.v), None)
         work = float(pull.sum() * way + mean @ moved)
-        return Rest(
+        return FrictionState(
             time=old.time + duration,
             motion=motion,
             pull=pull,
@@ -144,12 +144,12 @@ class Rubbing:
             damped=old.damped + float(drag @ moved),
         )
 
-    def _force(self, old: Rest, duration: float) -> Floats:
+    def _force(self, old: FrictionState, duration: float) -> Floats:
         """Return the load where the step is balanced."""
         before, share = self.load(old.time), self.weights.force
         return share * before + (1.0 - share) * self.load(old.time + duration)
 
-    def missing(self, start: Rest, end: Rest) -> float:
+    def missing(self, start: FrictionState, end: FrictionState) -> float:
         """Return the work that is not accounted for, over the work, between two states."""
         energies = [
             kinetic_energy(self.system, state.motion.v) + self.system.strain_energy(state.motion.u)
@@ -160,13 +160,13 @@ class Rubbing:
         work = end.work - start.work
         return abs(work - spent) / abs(work)
 
-    def iterate(self, state: Rest, step: float, count: int) -> Iterator[Rest]:
+    def iterate(self, state: FrictionState, step: float, count: int) -> Iterator[FrictionState]:
         """Yield the states after steps of one duration."""
         for _ in range(count):
             state = self.step(state, step)
             yield state
 
-    def last(self, state: Rest, step: float, count: int) -> Rest:
+    def last(self, state: FrictionState, step: float, count: int) -> FrictionState:
         """Return the state after steps of one duration."""
         for _ in range(count):
             state = self.step(state, step)
@@ -174,7 +174,7 @@ class Rubbing:
 
     # one point, with its events located
 
-    def located(self, state: Rest, step: float, until: float) -> Iterator[Rest]:
+    def located(self, state: FrictionState, step: float, until: float) -> Iterator[FrictionState]:
         """Yield the states of a single point, with steps cut where it sticks or breaks loose."""
         while state.time < until - FINE * step:
             duration = min(step, until - state.time)
@@ -186,7 +186,7 @@ class Rubbing:
                 state = self._at_event(new, sliding=bool(state.slid[0]))
             yield state
 
-    def _event(self, state: Rest, duration: float) -> float | None:
+    def _event(self, state: FrictionState, duration: float) -> float | None:
         """Return the duration after which the point sticks or breaks loose; None: not so soon."""
 
         def ahead(tried: float) -> float:
@@ -200,7 +200,7 @@ class Rubbing:
             return None
         return float(brentq(ahead, tiny, duration, xtol=FINE * duration))
 
-    def _sliding(self, state: Rest, duration: float) -> KinematicState:
+    def _sliding(self, state: FrictionState, duration: float) -> KinematicState:
         """Return the motion if the points slide on."""
         stepper, columns = self._ready(duration, keep=False)
         free = stepper.free_motion(state.motion, self._force(state, duration))
@@ -209,7 +209,7 @@ class Rubbing:
     def _limit(self) -> float:
         return float(self.friction.limits(self.kinetic, np.zeros(len(self.kinetic)))[0])
 
-    def reaction(self, state: Rest) -> float:
+    def reaction(self, state: FrictionState) -> float:
         """Return the force that a point takes to keep its velocity, N: a multiplier, not M a."""
         inverse, motion = self.system.factor(1.0, 0.0, 0.0), state.motion
         force = self.load(state.time)
@@ -217,7 +217,7 @@ class Rubbing:
         gentle = self.rows @ inverse.solve(self.rows.T).reshape(self.rows.T.shape)
         return -float(np.linalg.solve(gentle, self.rows @ free)[0])
 
-    def _at_event(self, state: Rest, *, sliding: bool) -> Rest:
+    def _at_event(self, state: FrictionState, *, sliding: bool) -> FrictionState:
         """Let the point stick or break loose, with the acceleration that it then has."""
         motion, none = state.motion, np.zeros(1)
         needed = self.reaction(state)
