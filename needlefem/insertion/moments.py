@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem._arrays import Floats
+from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.friction import SlipWeakeningFriction, refuse_noise
 from needlefem.contact.functionals import ContactSegment, ContactTrial
@@ -18,6 +18,25 @@ from needlefem.insertion.tip_phase import TipTrial
 
 THIN = 1e-9
 """Length of a piece, relative to the spacing, below which its hold is taken to be of this."""
+
+
+def state_at_entry(
+    entry: Vector, weights: LinearFunctionals, limit: float, lateral: Floats
+) -> State:
+    """Return the state of a tip that presses on the entry point, about to cut."""
+    none = np.zeros((0, len(lateral)))
+    return State(
+        depth=0.0,
+        tip=entry,
+        tip_force=limit,
+        cutting_force=limit,
+        tip_lateral=limit * lateral,
+        tip_nodes=weights.nodes,
+        tip_weights=weights.rows[0],
+        friction_force=np.zeros(0),
+        lateral_force=none,
+        segment_displacement=np.zeros((0, len(lateral) + 1)),
+    )
 
 
 def outside_state(

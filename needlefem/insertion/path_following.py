@@ -19,9 +19,10 @@ from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.functionals import ContactTrial
 from needlefem.fem.compliance import ComplianceOperator
-from needlefem.fem.interpolation import LinearFunctionals, OutsideError
+from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.guide import WarmStart
+from needlefem.insertion.moments import state_at_entry
 from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Rupture, Status
 from needlefem.insertion.state import State
 from needlefem.insertion.tip_solver import (
@@ -294,7 +295,7 @@ class PathFollowing:
         depth = limit * float(trial.bare[0, 0] + trial.bare[0, 1:] @ lateral)
         reached = min(1.0, self.max_depth / depth)
         for share in (0.0, reached):
-            held = _held(axis.entry, weights, limit, lateral)
+            held = state_at_entry(axis.entry, weights, limit, lateral)
             pressed = dataclasses.replace(
                 held,
                 depth=share * depth,
@@ -353,7 +354,9 @@ class PathFollowing:
             )
         )
 
-    def _checked(self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats) -> _PreviousStep:
+    def _checked(
+        self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats
+    ) -> _PreviousStep:
         """End the march where a point of the shaft, or the new piece, does not slip forward.
 
         Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
@@ -455,23 +458,6 @@ class PathFollowing:
                 inner[1] = self._solve(lengths[1])
         best = max(inner, key=lambda found: found.depth)
         return best if best.depth > max(self.states[-1].depth, step.depth) else None
-
-
-def _held(entry: Vector, weights: LinearFunctionals, limit: float, lateral: Floats) -> State:
-    """Return the state of a tip that presses on the entry point, about to cut."""
-    none = np.zeros((0, len(lateral)))
-    return State(
-        depth=0.0,
-        tip=entry,
-        tip_force=limit,
-        cutting_force=limit,
-        tip_lateral=limit * lateral,
-        tip_nodes=weights.nodes,
-        tip_weights=weights.rows[0],
-        friction_force=np.zeros(0),
-        lateral_force=none,
-        segment_displacement=np.zeros((0, len(lateral) + 1)),
-    )
 
 
 def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
