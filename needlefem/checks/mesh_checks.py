@@ -196,7 +196,7 @@ def energy_identity(model: TissueModel) -> CheckResult:
     return _energy_identity(model, loads, model.solve(loads))
 
 
-def _energy_identity(model: Model, loads: Floats, responses: Floats) -> CheckResult:
+def _energy_identity(model: TissueModel, loads: Floats, responses: Floats) -> CheckResult:
     states = np.array([[1.0, 2.0], [3.0, -1.0]])
     forces, moved = loads @ states, responses @ states
     energy = model.stiffness.energy(moved)

@@ -24,7 +24,7 @@ from needlefem.geometry.contour import Contour
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.refine import uniformly_refined
-from needlefem.planning.reading import ROUND_OFF, Reader, at_jump, broke_off, state_at
+from needlefem.planning.reading import ROUND_OFF, InsertionReader, at_jump, broke_off, state_at
 from needlefem.planning.result import ErrorEstimate, Plan
 from needlefem.scene import BoxMesh, Scene, vary
 from needlefem.scene.build import build_model

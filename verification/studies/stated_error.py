@@ -1,7 +1,7 @@
 """Whether a case's own plan misses by less than its stated error, on a tissue taken as exact.
 
 The exact tissue is the finest that is affordable; of a mesh from a file it is that mesh with
-every cell halved twice. Its path has a quarter of the spacing or less.
+every cell uniformly_refined twice. Its path has a quarter of the spacing or less.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from needlefem._table import Table
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.refine import halved
+from needlefem.mesh.refine import uniformly_refined
 from needlefem.planning.error_estimate import KERNEL
 from needlefem.planning.plan import plan
 from needlefem.planning.reference_solution import reference, true_error
@@ -18,7 +18,7 @@ from needlefem.scene import FileMesh, Scene, vary
 from needlefem.scene.build import build_model
 
 PATH = 0.25
-"""Path spacing on a halved mesh over that of the plan."""
+"""Path spacing on a uniformly_refined mesh over that of the plan."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
@@ -56,6 +56,6 @@ def exact(scene: Scene, found: Plan) -> Simulation:
         "discretisation.path_spacing": PATH * chosen.path_spacing,
         "discretisation.kernel_points": KERNEL * chosen.kernel_points,
     }
-    mesh = halved(halved(found.insertion.model.mesh))
+    mesh = uniformly_refined(uniformly_refined(found.insertion.model.mesh))
     refined = vary(concrete, finer)
     return Simulation(refined, build_model(refined, mesh))
