@@ -180,12 +180,13 @@ def test_axis_mins_and_maxs_of_nrrd(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("encoding", "data"),
     [
-        ("gzip", gzip.compress(LABELS.tobytes())),
+        ("gzip", gzip.compress(LABELS.tobytes(), mtime=0)),
         ("bzip2", bz2.compress(LABELS.tobytes())),
         ("ascii", " ".join(str(n) for n in LABELS.ravel()).encode() + b"\n"),
         ("hex", LABELS.tobytes().hex().encode()),
         ("raw", LABELS.tobytes()),
     ],
+    ids=["gzip", "bzip2", "ascii", "hex", "raw"],
 )
 def test_encodings_and_skips_of_nrrd(tmp_path: Path, encoding: str, data: bytes) -> None:
     attached = read_labelmap(nrrd(tmp_path / "a.nrrd", data, encoding=encoding))
