@@ -29,7 +29,7 @@ PARTS = {
     "functionals: points, cells, weights": ("needle/needle_interface.py", "tip_and_piece"),
     "responses and elimination of lateral forces": (
         "contact/condensed_contact.py",
-        "try_functionals",
+        "trial",
     ),
     "equations of the step": ("insertion/tip_solver.py", "_try"),
     "iteration": ("insertion/tip_solver.py", "solve"),

@@ -1,7 +1,7 @@
-"""The energy ledger of any motion, step by step and in constant memory.
+"""The energy balance of any motion, step by step and in constant memory.
 
-As `insertion/energy_balance.py`, of which it keeps the terms: forces are taken as their means over a
-step, every functional of the displacement that carries a force at either end as itself. What
+The terms are those of `insertion/energy_balance.py`. Forces are taken as their means over a step,
+every functional of the displacement that carries a force at either end as itself. What
 the needle fills in part is a different functional at both ends; its friction is that of both
 slips, and its lateral hold gives or takes ``force x gap / 2`` of what it catches or lets go.
 

@@ -1,8 +1,8 @@
 """One step of a needle in any motion: the equations of tip and shaft.
 
 The tip presses on the crack front, cuts, or is drawn back on its path (`insertion/tip.py`). In all
-of these friction is solved for by return mapping, sticking or slipping (`contact/shaft_equations.py`), against
-the displacement at the step's start.
+of these friction is solved for by return mapping, sticking or slipping
+(`contact/shaft_equations.py`), against the displacement at the step's start.
 """
 
 import dataclasses

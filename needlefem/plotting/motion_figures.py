@@ -68,7 +68,7 @@ def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
     keep = np.concatenate([[True], np.diff(times) > 0.0])
     ways = np.full((int(keep.sum()) - 1, len(places) - 1), 9.0)
     for row, state in enumerate(np.array(states, dtype=object)[keep][1:]):
-        slipping = np.ones(len(state.axial)) if state.slipping is None else state.slipping
+        slipping = np.ones(len(state.friction_force)) if state.slipping is None else state.slipping
         filled = slipping[1 : ways.shape[1] + 1]
         ways[row, : len(filled)] = filled
     return times[keep], places, ways

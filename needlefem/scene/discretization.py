@@ -30,7 +30,7 @@ class Discretisation(Validated):
         low=0.0,
     )
     kernel_points: int = parameter(
-        "Quadrature points of the tip's kernel; 0 chooses by element size",
+        "Quadrature points of the tip's kernel; 0 chooses by the distance of nodes",
         default=0,
         low=0.0,
         closed=True,

@@ -16,7 +16,12 @@ it before it locks, and the Poisson's ratio at which it does (``needlefem bench 
 SHORT_PIECE = 0.75
 """Length of a piece over the element size from which on its sticking is smooth
 (``verification/friction/multiplier_noise.py``)."""
-FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS = 48, 400
+POINTS_PER_NODE_DISTANCE = 3.5
+"""Quadrature points of the tip's kernel along the distance of two nodes: the error of a placement
+by them is then below a tenth of that by the mesh (``tests/needle/test_kernel_points.py``)."""
+FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS, MOST_IN_3D = 48, 1200, 400
+POINTS_ON_FILE_MESH = 400
+"""Of a mesh from a file, whose sizes are not known before it is read."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,8 +64,10 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
     if not is_foreign(chosen.element):  # in another spelling, perhaps
         chosen = dataclasses.replace(chosen, element=row.name)
     if chosen.kernel_points == 0:
-        points = _kernel_points(scene)
-        reasons["kernel_points"] = f"{points}: three points per element length inside the kernel"
+        points = kernel_points(scene, row)
+        reasons["kernel_points"] = (
+            f"{points}: {POINTS_PER_NODE_DISTANCE:g} points per node distance inside the kernel"
+        )
         chosen = dataclasses.replace(chosen, kernel_points=points)
     needs = needs_steps(scene)
     if chosen.integrator == "march" and needs:
@@ -121,12 +128,15 @@ def _element(scene: Scene) -> tuple[str, str]:
     return plain, f"the fastest to an accuracy below nu = {overtakes:g}"
 
 
-def _kernel_points(scene: Scene) -> int:
+def kernel_points(scene: Scene, row: ElementType) -> int:
+    """Return the quadrature points of the tip's kernel that a scene with an element needs."""
     size = tip_element_size(scene)
     if size is None:
-        return MOST_KERNEL_POINTS
-    wanted = math.pi * (3.0 * scene.needle.tip_radius / size) ** scene.dim
-    return max(FEWEST_KERNEL_POINTS, min(MOST_KERNEL_POINTS, math.ceil(wanted)))
+        return POINTS_ON_FILE_MESH
+    density = POINTS_PER_NODE_DISTANCE * row.degree / size
+    wanted = math.ceil(math.pi * (density * scene.needle.tip_radius) ** scene.dim)
+    most = MOST_KERNEL_POINTS if scene.dim == 2 else MOST_IN_3D
+    return max(FEWEST_KERNEL_POINTS, min(most, wanted))
 
 
 def tip_element_size(scene: Scene) -> float | None:

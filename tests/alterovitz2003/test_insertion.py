@@ -178,8 +178,12 @@ def test_nodes_return_home_when_the_needle_is_gone(organ: Scene) -> None:
         least.append(least_ratio(tissue.mesh))
     assert moved > 3
     assert min(least) > 0.0
-    assert states[0].way is TipPhase.RETRACTED
-    assert min(state.axial.sum() for state in states if len(state.axial)) < 0.0 < deepest.force
+    assert states[0].tip_phase is TipPhase.RETRACTED
+    assert (
+        min(state.friction_force.sum() for state in states if len(state.friction_force))
+        < 0.0
+        < deepest.force
+    )
     mesh = MovableMesh(simulation.model)
     assert not len(tissue.mesh.moved)
     assert np.array_equal(tissue.mesh.points, mesh.points)

@@ -9,7 +9,7 @@ from verification.benchmarks.races import table_of
 
 PROBLEM = """
 import time
-from needlefem.checks.reference_problem import Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult
 from needlefem.checks.work_precision import Race
 
 def entrant(pause, error):
@@ -19,7 +19,8 @@ def entrant(pause, error):
     return go
 
 PROBLEM = Problem(
-    name="race", requirement="", reference="", why="", run=lambda quick: Findings(answers=[]),
+    name="race", requirement="", reference="", tolerance_rationale="",
+    run=lambda quick: ProblemResult(quantities=[]),
     races=[Race(
         title="a race", quantity="anything", about="elements",
         entrants={

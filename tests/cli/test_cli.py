@@ -309,12 +309,12 @@ def test_verify_unknown_problem(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 OWN = """
-from needlefem.checks.reference_problem import Answer, Findings, Problem
+from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 
 def run(quick):
-    return Findings(answers=[Answer(label="one", value=VALUE, reference=1.0, tolerance=1e-3)])
+    return ProblemResult(quantities=[Quantity(label="one", value=VALUE, reference=1.0, tolerance=1e-3)])
 
-PROBLEM = Problem(name="own", requirement="One.", reference="exact", why="small", run=run)
+PROBLEM = Problem(name="own", requirement="One.", reference="exact", tolerance_rationale="small", run=run)
 """
 
 

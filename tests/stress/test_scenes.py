@@ -93,7 +93,7 @@ def test_faults_are_seen(stepped: Scene) -> None:
     assert requirements(states=(*sound.states[:-1], last)) == ["last depth"]
     off = dataclasses.replace(sound.states[3], tip=np.array([0.03, -1e-4]))
     assert requirements(states=(*sound.states[:3], off, *sound.states[4:])) == ["inside the tissue"]
-    out = dataclasses.replace(off, way=TipPhase.OUTSIDE)
+    out = dataclasses.replace(off, tip_phase=TipPhase.OUTSIDE)
     assert requirements(states=(*sound.states[:3], out, *sound.states[4:])) == []
     nan = dataclasses.replace(sound.states[3], tip=np.array([np.nan, 0.0]))
     assert requirements(states=(*sound.states[:3], nan, *sound.states[4:])) == ["finite numbers"]

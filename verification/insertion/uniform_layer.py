@@ -30,7 +30,7 @@ def layer(element: str, entry: float = 0.0287) -> Scene:
         background="gel",
         regions={},
         supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element=element, path_spacing=1e-3),
+        discretisation=Discretisation(element=element, path_spacing=1e-3, kernel_points=48),
         needle=Needle(tip_radius=2e-3, cutting_force=CUTTING, shaft_friction=FRICTION),
         motion=Motion(
             direction=(0.0, 1.0),

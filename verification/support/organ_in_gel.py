@@ -1,5 +1,6 @@
 """Scenes that several reference problems push a needle into."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -55,9 +56,16 @@ def organ_in_gel(
         background="gel",
         regions={"organ": Region(contour=Contour(outline), material="stiff")},
         supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element=element, path_spacing=spacing),
+        discretisation=Discretisation(
+            element=element, path_spacing=spacing, kernel_points=_points(tip_radius, divisions)
+        ),
         needle=Needle(tip_radius=tip_radius, cutting_force=50.0, shaft_friction=friction),
         motion=Motion(
             direction=(0.0, 1.0), entry=(0.0287, 0.0), max_depth=max_depth, stages=tuple(stages)
         ),
     )
+
+
+def _points(tip_radius: float, divisions: int) -> int:
+    """Return three kernel points per element length, which the records were made with."""
+    return min(400, max(48, math.ceil(math.pi * (3.0 * tip_radius * divisions / SIZE) ** 2)))
