@@ -10,7 +10,7 @@ from verification.benchmarks.races import table_of
 PROBLEM = """
 import time
 from needlefem.checks.reference_problem import Problem, ProblemResult
-from needlefem.checks.work_precision import Race
+from needlefem.checks.work_precision import WorkPrecision
 
 def entrant(pause, error):
     def go(level):
@@ -21,7 +21,7 @@ def entrant(pause, error):
 PROBLEM = Problem(
     name="race", requirement="", reference="", tolerance_rationale="",
     run=lambda quick: ProblemResult(quantities=[]),
-    races=[Race(
+    races=[WorkPrecision(
         title="a race", quantity="anything", about="elements",
         entrants={
             "fast": entrant(1e-3, 0.5), "slow": entrant(4e-3, 0.6), "rough": entrant(1e-4, 9),

@@ -312,9 +312,12 @@ OWN = """
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 
 def run(quick):
-    return ProblemResult(quantities=[Quantity(label="one", value=VALUE, reference=1.0, tolerance=1e-3)])
+    one = Quantity(label="one", value=VALUE, reference=1.0, tolerance=1e-3)
+    return ProblemResult(quantities=[one])
 
-PROBLEM = Problem(name="own", requirement="One.", reference="exact", tolerance_rationale="small", run=run)
+PROBLEM = Problem(
+    name="own", requirement="One.", reference="exact", tolerance_rationale="small", run=run
+)
 """
 
 

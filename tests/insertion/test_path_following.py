@@ -201,7 +201,7 @@ def test_shaft_point_that_sticks_ends_the_march(gel: Scene) -> None:
     ahead = last.segment_displacement + np.array(
         [-1e-2, 0.0]
     )  # as if the points had been further back
-    march.states[-1] = vary(last, {"moved": ahead})  # type: ignore[arg-type,assignment]
+    march.states[-1] = vary(last, {"segment_displacement": ahead})  # type: ignore[arg-type,assignment]
     list(states)
     assert march.outcome.status is Status.RESTICK
     assert "stops slipping at depth" in march.outcome.sentence
