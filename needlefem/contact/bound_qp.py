@@ -67,6 +67,13 @@ class _Problem:
         return z
 
 
+# Kernel: convex quadratic programme with bounds, by an active set.
+#     minimise  z.S z / 2 - d.z    over    low <= z <= high
+#     free set F (inside its bounds):    S_FF step_F = d_F - (S z)_F,    then a line search
+# z, low, high  forces and their bounds, N (N/m in 2D)
+# S, d          symmetric positive compliance, m/N (m^2/N in 2D); displacement, m
+# Source: projected Newton method, D. P. Bertsekas, SIAM J. Control Optim. 20 (1982) 221;
+# active set: J. Nocedal, S. J. Wright, Numerical Optimization (2006), section 16.5.
 def solve_bound_qp(
     matrix: Floats, linear: Floats, low: Floats, high: Floats, start: Floats
 ) -> Floats:

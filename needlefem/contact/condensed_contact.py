@@ -187,6 +187,15 @@ class CondensedContact:
         self.axial[: len(axial)] = axial
         self.set_active(len(axial))
 
+    # Kernel: elimination of the lateral forces of the active segments.
+    #     (W_nn + D) lambda = -(g + W_ne q + W_nt f),    D = diag(1 / (kappa w))
+    # W       compliance between functionals, B A^-1 B^T, m/N (m^2/N in 2D)
+    # n, e, t lateral and axial on the segments, tip
+    # lambda  lateral force on each segment, N (N/m in 2D)
+    # g       lateral offset of the segments from the axis without any force, m
+    # q, f    friction forces on the segments; forces on the tip and its segment, N (N/m in 2D)
+    # kappa w stiffness of the lateral penalty of a segment of length w, N/m (Pa in 2D)
+    # Source: penalty constraint and static condensation; docs/theory.md, equation (8).
     def eliminate_lateral(self) -> None:
         """Prepare the elimination of lateral forces for the present friction and background."""
         self._reduced = np.zeros(0)

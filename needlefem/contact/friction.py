@@ -40,6 +40,12 @@ class SlipWeakeningFriction:
         """Whether the limit depends on slip."""
         return self.ratio > 1.0
 
+    # Kernel: slip weakening of the friction limit.
+    #     tau(d) = tau_k (1 + (r - 1) max(1 - d / D_c, 0))
+    # tau, tau_k  limit and kinetic limit of a segment, N (N/m in 2D)
+    # r           static over kinetic limit
+    # d, D_c      slip since the segment last stuck; slip-weakening distance, m
+    # Source: linear slip weakening, Y. Ida, J. Geophys. Res. 77 (1972) 3796; docs/theory.md, (11).
     def limits(self, kinetic: Floats, slipped: Floats) -> Floats:
         """Return the limits after some slip since sticking (m)."""
         if not self.weakens:
@@ -105,6 +111,13 @@ class FrictionStep:
     lengths: Floats
     lag: Floats | None = None
 
+    # Kernel: return mapping of friction and tip force over one step.
+    #     minimise  z.S z / 2 - d.z    over    -tau <= z <= tau,    0 <= z_tip <= f_c
+    # z    friction forces on the segments and axial force of the tip, N (N/m in 2D)
+    # S    axial compliance after elimination of lateral forces, m/N (m^2/N in 2D)
+    # d    displacement with which each functional would follow the needle, m
+    # tau, f_c  friction limits and cutting force, N (N/m in 2D)
+    # Source: G. Duvaut, J.-L. Lions, Les inequations en mecanique et en physique (1972); (10).
     def solve(
         self,
         compliance: Floats,

@@ -15,6 +15,13 @@ from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.functionals import AxialCompliance, ContactTrial
 
 
+# Kernel: axial equations of shaft and tip with all lateral forces eliminated.
+#     u_e = u_0 + S z
+# u_e     axial displacement of the segments and of the tip's kernel, m
+# u_0     the same without axial forces, m
+# S       W_ee - W_en (W_nn + D)^-1 W_ne, m/N (m^2/N in 2D)
+# z       axial forces on the segments and on the tip, N (N/m in 2D)
+# Source: static condensation, R. J. Guyan, AIAA Journal 3 (1965) 380; docs/theory.md, (8), (10).
 @dataclasses.dataclass(frozen=True, eq=False)
 class ShaftEquations:
     """Axial displacements as affine functions of axial forces, ``u = free + compliance z``.

@@ -72,6 +72,12 @@ class _Equations:
         return found
 
 
+# Kernel: compliance between the nodes that the needle touches.
+#     W = B A^-1 B^T,    A^-1 by columns of the factorised operator
+# A  operator of the tissue on its free equations: K, or that of a time step, N/m (Pa in 2D)
+# B  rows of weights of the functionals over the nodes
+# Source: M. Bro-Nielsen, S. Cotin, Computer Graphics Forum 15 (1996) 57 (condensation);
+# S. P. DiMaio, S. E. Salcudean, IEEE Trans. Robot. Autom. 19 (2003) 864 (needle insertion).
 class CachedCompliance:
     """The compliance between touched nodes, dense and growing.
 

@@ -90,6 +90,11 @@ class Corridor(NamedTuple):
         return np.column_stack([along, points - along[:, None] * direction])
 
 
+# Kernel: inverse of the operator within a corridor.
+#     (A^-1)_ii = A_ii^-1 + G (A^-1)_bb G^T,    G = A_ii^-1 A_ib
+# i, b  equations inside of the corridor, and those coupled to them from outside
+# A     operator of the tissue, N/m (Pa in 2D)
+# Source: static condensation, R. J. Guyan, AIAA Journal 3 (1965) 380.
 class StaticCondensation:
     """Some equations, condensed: the rest is seen through what lies around them.
 

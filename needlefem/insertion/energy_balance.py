@@ -21,6 +21,15 @@ from needlefem.insertion.result import EnergyTerms, Insertion, Rupture
 from needlefem.insertion.state import State
 
 
+# Kernel: energy balance of an insertion.
+#     W = dE + dP + F + C + R + A
+# W    work on the needle, sum of mean(force) ds, J (J/m in 2D)
+# dE   strain energy, u1.K u1 / 2 - u0.K u0 / 2
+# dP   lateral penalty, lambda^2 / (2 kappa w)
+# F    friction, mean(t) (ds - du.e)
+# C, R cutting and rupture: work of the tip force R against dX in the mean of both fields
+# A    contact activation, lambda gap / 2 of new segments
+# Source: definitions of the terms; docs/theory.md, equations (12) to (17).
 def energy_terms(insertion: Insertion, *, trapezoidal: bool = False) -> EnergyTerms:
     """Return the energy ledger of an insertion; stepping keeps its own on the way.
 

@@ -63,6 +63,10 @@ def extend_to_length(equations: StepEquations, length: float, depth: float) -> S
         return None
 
 
+# Kernel: advance of the tip at a fixed depth (rupture).
+#     n.(X + u(X)) = 0,    e.(X + u(X)) = s,    unknown: direction of the step and tip force R
+# R  axial force of the tip, N (N/m in 2D); the tip stops where R is back at the cutting force f_c
+# Source: limit of a rate-dependent resistance f_c + eta dl/dt for eta to zero; docs/theory.md.
 def advance_at_fixed_depth(equations: StepEquations, length: float, depth: float) -> StepSolution:
     """Return the forces, whatever the tip's is, with a tip that ran ahead at a depth.
 

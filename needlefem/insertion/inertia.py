@@ -74,7 +74,7 @@ class _Scaled:
 
 
 class DynamicResponse:
-    """A tissue with inertia; see `Medium`.
+    """A tissue with inertia; see `TissueResponse`.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class DynamicResponse:
         self.responses: ComplianceOperator
 
     def begin(self, duration: float) -> None:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         if duration <= 0.0:
             raise SimulationError("tissue with inertia takes steps that last")
         key = float(np.format_float_scientific(duration, precision=9))
@@ -125,7 +125,7 @@ class DynamicResponse:
         self.background = self.system.nodal(self._free)
 
     def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         half, weights = 0.5 * self._stepper.step, self._stepper.weights
         fields = [self.system.nodal(half * v) @ direction for v in (self._start.v, self._pace)]
         ways = [[piece.weights @ field[piece.nodes] for piece in pieces] for field in fields]
@@ -152,7 +152,7 @@ class DynamicResponse:
         return stepper, responses_of(self.model, _Scaled(stepper))
 
     def finish(self, load: Floats) -> None:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         stepper, old, force = self._stepper, self._start, load[self.model.free_dofs]
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
         self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
@@ -163,7 +163,7 @@ class DynamicResponse:
         self._forces = force
 
     def energies(self) -> dict[str, float]:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         return dict(self._energies)
 
 

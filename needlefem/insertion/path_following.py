@@ -354,6 +354,11 @@ class PathFollowing:
             )
         )
 
+    # Kernel: slip of the shaft in a step, which must be forward at every segment.
+    #     ds - du.e >= -1e-9 m
+    # ds    travel of the needle in the step, m
+    # du.e  axial displacement of a segment in the step, m
+    # Source: Coulomb's friction with a constant limit; docs/theory.md, equation (9).
     def _checked(
         self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats
     ) -> _PreviousStep:
@@ -441,6 +446,10 @@ class PathFollowing:
         self.snaps.append(Rupture(depth, first, len(self.states) - 1))
         yield state
 
+    # Kernel: limit point of the depth over the path's length, where a rupture begins.
+    #     ds/dl = 0
+    # s, l  depth and length of the cut path, m
+    # Source: limit points in path following, E. Riks, Int. J. Solids Struct. 15 (1979) 529.
     def _limit_point(self, step: TipSolution) -> TipSolution | None:
         """Return the step to the largest depth within a step, if that is beyond both its ends."""
         low, high = 0.0, self._length(step)

@@ -169,6 +169,14 @@ class TipSolver:
         self._slope = step.slope
         self._guide.learnt.append((self._slope, self._jacobian))
 
+    # Kernel: one step of path following, a root of the lateral equations of the tip.
+    #     n.(X + u(X)) = 0,    s = e.(X + u(X)),    X = X_0 + l (sqrt(1 - a.a) e + a n)
+    # X, X_0  material point at the tip after and before the step, m
+    # u(X)    mean displacement over the tip's kernel at X, m
+    # l, a    length of the step, m; its slope across the axis (unknown)
+    # e, n    unit vectors along and across the axis
+    # s       depth, m (a result)
+    # Source: C. G. Broyden, Math. Comp. 19 (1965) 577; docs/theory.md, section on path following.
     def solve(
         self,
         last: Vector,

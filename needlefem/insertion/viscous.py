@@ -16,7 +16,7 @@ from needlefem.insertion.tissue_response import responses_of
 
 
 class ViscoelasticResponse:
-    """Equilibrium at the end of every step, with the memory of branches; see `Medium`."""
+    """Equilibrium at the end of every step, with the memory of branches; see `TissueResponse`."""
 
     timeless, inertial = False, False
 
@@ -34,7 +34,7 @@ class ViscoelasticResponse:
         self.responses: ComplianceOperator
 
     def begin(self, duration: float) -> None:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         if duration <= 0.0:
             raise SimulationError("viscoelastic tissue takes steps that last")
         key = float(np.format_float_scientific(duration, precision=9))
@@ -51,10 +51,10 @@ class ViscoelasticResponse:
         return stepper, responses_of(self.model, stepper.factor)
 
     def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
-        """See `Medium`."""
+        """See `TissueResponse`."""
 
     def finish(self, load: Floats) -> None:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         assert self._motion is not None
         force = load[self.model.free_dofs]
         new = self._stepper.advance(self._start, self._free + self._stepper.factor.solve(force))
@@ -65,5 +65,5 @@ class ViscoelasticResponse:
         self._motion, self._forces, self._ended = new, force, True
 
     def energies(self) -> dict[str, float]:
-        """See `Medium`."""
+        """See `TissueResponse`."""
         return dict(self._energies)

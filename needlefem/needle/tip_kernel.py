@@ -43,6 +43,11 @@ class PointKernel:
         return centre[None], self._point[1]
 
 
+# Kernel: mean over the disc (in 3D the ball) of the tip.
+#     u(X) = (1 / |D|) integral over D(X) of u dV
+# D(X)  disc of the needle's radius a around X, cut off at the skin, m^2 (m^3 in 3D)
+# Force and displacement are conjugate: a force R on the tip is spread as R / |D| over D.
+# Source: docs/theory.md, section on the needle.
 class TipKernel:
     """A disc (2D) or ball (3D) of uniform weight, cut off at the skin.
 

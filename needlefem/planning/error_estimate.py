@@ -129,6 +129,14 @@ def _fitted_to(scene: Scene) -> list[Contour]:
     return [region.contour for region in scene.regions.values()]
 
 
+# Kernel: rest position of the planned release on a finer tissue.
+#     dX = -(c.e) dX/ds - (c.n) n,    c = u_f(X) - u(X),    K_f u_f = B_f^T f
+# dX     difference of the rest position, m; dX/ds growth of the path with depth
+# c      difference of the displacement at the tip's kernel, m; lateral forces follow the axis
+# K_f    stiffness of the finer tissue, N/m (Pa in 2D); u_f, u on the finer and the plan's tissue
+# f      forces of the planned release on tip and segments, N (N/m in 2D)
+# e, n   unit vectors along and across the axis
+# Source: estimate by a refined solution, P. J. Roache, J. Fluids Eng. 116 (1994) 405.
 def displacement_on(finer: Simulation, simulation: Simulation, plan: Plan) -> Vector:
     """Return how far from where it was planned a release rests on another tissue.
 
