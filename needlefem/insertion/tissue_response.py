@@ -65,7 +65,7 @@ class TissueResponse(Protocol):
         ...
 
     def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats | None:
-        """Return how pieces of a needle in a direction swing, see `Contact`; None: no inertia."""
+        """Return how pieces of a needle in a direction swing, see `CondensedContact`; None: no inertia."""
         ...
 
     def finish(self, load: Floats) -> None:
