@@ -136,7 +136,7 @@ def run(quick: bool) -> ProblemResult:
             Quantity(label=f"{name}, nu 0.4999: locks", value=error, reference=0.5, at_least=True)
         )
     found = locking(quick)
-    return dataclasses.replace(found, answers=[*answers, *found.quantities])
+    return dataclasses.replace(found, quantities=[*answers, *found.quantities])
 
 
 RACES = [
