@@ -65,7 +65,7 @@ class TissueResponse(Protocol):
         ...
 
     def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats | None:
-        """Return how the pieces of a needle swing along a direction (`CondensedContact`), or None."""
+        """Return how pieces of a needle swing along a direction (`CondensedContact`), or None."""
         ...
 
     def finish(self, load: Floats) -> None:

@@ -273,7 +273,8 @@ def test_without_a_driver_it_ends_with_4_and_the_packages(tmp_path: Path) -> Non
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert found.returncode == 4
-    assert found.stderr.count("\n") == 1
+    told = found.stderr.splitlines()  # on a busy machine there may be progress above the message
+    assert sum(not line.startswith("needlefem render: ") for line in told) == 1
     assert "apt-get install libegl1" in found.stderr
 
 
