@@ -47,6 +47,8 @@ def simulate(case: Scene | str | Path) -> Insertion:
     ------
     CaseError
         The scene can't be built, or its entry is missing or misses the skin.
+    CheckFailedError
+        The discretisation, or the needle in it, fails a check: nothing is simulated on it.
     """
     return simulation.simulate(scene_of(case))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from needlefem import _plugin as foreign
+from needlefem import _plugin
 from needlefem.cli.main import main
 from tests.pages import ROOT, WHOLE, site
 
@@ -44,7 +44,7 @@ def test_page_works(
     (tmp_path / "cases").symlink_to(ROOT / "cases")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(foreign, "_allowed", False)
+    monkeypatch.setattr(_plugin, "_allowed", False)
     assert pages.run_page(page, run) >= 2
 
 
@@ -74,7 +74,7 @@ def test_code_of_a_case_is_not_run_unasked(
 ) -> None:
     page = next(p for p in WHOLE if p.stem == "own-material")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(foreign, "_allowed", False)
+    monkeypatch.setattr(_plugin, "_allowed", False)
     (tmp_path / "case.toml").write_text(pages.files(page)["case.toml"])
     (tmp_path / "my_tissue.py").write_text("raise SystemExit('it ran')\n")
     assert main(["plan", "case.toml"]) == 2

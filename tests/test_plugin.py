@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from needlefem import _plugin as foreign
+from needlefem import _plugin
 from needlefem.dynamics import integrator_class
 from needlefem.elements import element_row
 from needlefem.errors import CaseError
@@ -18,28 +18,28 @@ def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(foreign, "_allowed", False)
+    monkeypatch.setattr(_plugin, "_allowed", False)
 
 
 @pytest.mark.usefixtures("mine")
 def test_code_is_not_run_unasked() -> None:
     with pytest.raises(CaseError, match="is code, which is not run unasked; pass --allow-code"):
-        foreign.load("mine_of_test:VALUE", "key")
+        _plugin.load("mine_of_test:VALUE", "key")
 
 
 @pytest.mark.usefixtures("mine")
 def test_code_is_found_once_allowed() -> None:
-    foreign.allow()
-    assert foreign.load("mine_of_test:VALUE", "key") == 3
+    _plugin.allow()
+    assert _plugin.load("mine_of_test:VALUE", "key") == 3
     with pytest.raises(CaseError, match="key: no 'OTHER' in 'mine_of_test'"):
-        foreign.load("mine_of_test:OTHER", "key")
+        _plugin.load("mine_of_test:OTHER", "key")
     with pytest.raises(CaseError, match="No module named 'nowhere_at_all'"):
-        foreign.load("nowhere_at_all:X", "key")
+        _plugin.load("nowhere_at_all:X", "key")
 
 
 @pytest.mark.usefixtures("mine")
 def test_what_is_named_must_be_what_it_is_used_as() -> None:
-    foreign.allow()
+    _plugin.allow()
     with pytest.raises(CaseError, match="is no dataclass"):
         law_class("mine_of_test:VALUE", "materials.x.law")
     with pytest.raises(CaseError, match="is no ElementType"):

@@ -7,13 +7,13 @@ import time
 
 import pytest
 
-from needlefem import _progress as progress
+from needlefem import _progress
 from tests.conftest import PAPER_CASE
 
 QUICK = """
 import sys
-from needlefem import _progress as progress
-progress.FIRST = progress.NEXT = 0.02
+from needlefem import _progress
+_progress.FIRST = _progress.NEXT = 0.02
 from needlefem.cli.main import process
 sys.argv[1:] = ["plan", sys.argv[1], "--json"]
 process()
@@ -21,21 +21,21 @@ process()
 
 
 def test_short_work_is_silent(capfd: pytest.CaptureFixture[str]) -> None:
-    with progress.telling("needlefem plan"):
-        progress.doing("something quick")
+    with _progress.telling("needlefem plan"):
+        _progress.doing("something quick")
     assert capfd.readouterr() == ("", "")
 
 
 def test_long_work_is_told(
     capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(progress, "FIRST", 0.05)
-    with progress.telling("needlefem plan"):
-        progress.doing("factorising 1,234 unknowns")
+    monkeypatch.setattr(_progress, "FIRST", 0.05)
+    with _progress.telling("needlefem plan"):
+        _progress.doing("factorising 1,234 unknowns")
         time.sleep(0.5)
     told = capfd.readouterr().err.splitlines()
     assert told == ["needlefem plan: 0 s, factorising 1,234 unknowns"]  # the next is due in 10 s
-    assert progress.activity() == "factorising 1,234 unknowns"
+    assert _progress.activity() == "factorising 1,234 unknowns"
 
 
 def test_json_stays_alone_on_standard_output() -> None:

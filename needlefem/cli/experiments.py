@@ -21,7 +21,7 @@ Benchmark = Callable[[str], Table]
 """Takes the path of a case, or of the folder of reference problems."""
 
 VERIFICATION = "verification"
-PAPER = {"paper": "the paper's own method beside ours: placement, drift, noise, time"}
+PAPER = {"paper": "the method of 2003 compared with the package's: placement, drift, noise, time"}
 """The study of the method of 2003, which lies in that method's room."""
 PAIRED = ("paper", "robust")
 """Studies that compare with a second case."""
@@ -62,9 +62,8 @@ def comparison(name: str, other: Path) -> Benchmark:
     Raises
     ------
     CaseError
-        No such benchmark, or the verification folder is not in the working directory.
+        The verification folder is not in the working directory.
     """
-    _require("benchmark", name, benchmarks())
     if not _of_verification("benchmarks", "BENCHMARKS"):
         problem = f"no folder '{VERIFICATION}' here: it compares checkouts"
         raise CaseError("--against", problem, "run it in a checkout of needlefem")

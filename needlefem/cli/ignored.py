@@ -1,4 +1,4 @@
-"""Options and ``--set`` keys that a command would ignore are refused; keys of a file are told.
+"""Options and ``--set`` keys that a command would ignore are refused; keys of a file are reported.
 
 A value that changes nothing looks like a result that does not depend on it.
 """

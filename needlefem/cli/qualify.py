@@ -57,7 +57,7 @@ def _integrators(options: argparse.Namespace, settings: dict[str, str]) -> int:
     numbers: dict[tuple[str, str], dict[str, float]] = {}
     for name in _names(options.integrator, moving):
         if name == "quasi-static":
-            remedy = "see critical_step and convergence_in_time for what it is worth"
+            remedy = "see critical_step and convergence_in_time for its accuracy"
             raise CaseError("--integrator", "quasi-static steps move no mass", remedy)
         constants = {key: _number(value, key) for key, value in settings.items()}
         theory = constants.pop("order", 2.0)

@@ -9,7 +9,7 @@ follow from the displacement (`advance`).
 import dataclasses
 from typing import Protocol
 
-from needlefem import _plugin as foreign
+from needlefem import _plugin
 from needlefem.dynamics.steppers import (
     AlphaParameters,
     ExplicitStepper,
@@ -156,12 +156,12 @@ def integrator_class(name: str, key: str) -> type:
     CaseError
         There is none of that name (the nearest is named), or it makes no stepper.
     """
-    if not foreign.is_foreign(name):
+    if not _plugin.is_foreign(name):
         known = matching(name, NAMES)
         if known is None:
             raise CaseError(key, f"no integrator {short(name)}", nearest(name, NAMES))
         return NAMES[known]
-    found = foreign.load(name, key)
+    found = _plugin.load(name, key)
     if not (isinstance(found, type) and hasattr(found, "stepper")):
         raise CaseError(key, f"'{name}' makes no stepper", "see docs/how-to/own-integrator.md")
     return found

@@ -2,7 +2,7 @@
 
 import skfem
 
-from needlefem import _plugin as foreign
+from needlefem import _plugin
 from needlefem.elements.element_type import BBAR, MIXED, ElementType
 from needlefem.elements.mini import TriangleBubble
 from needlefem.elements.quadrature import gauss, simplex
@@ -62,12 +62,12 @@ def element_row(name: str, key: str = "discretisation.element") -> ElementType:
     CaseError
         There is none of that name (the nearest is named), or it is no `ElementType`.
     """
-    if not foreign.is_foreign(name):
+    if not _plugin.is_foreign(name):
         known = matching(name, CATALOGUE)
         if known is None:
             raise CaseError(key, f"no element {short(name)}", nearest(name, CATALOGUE))
         return CATALOGUE[known]
-    found = foreign.load(name, key)
+    found = _plugin.load(name, key)
     if not isinstance(found, ElementType):
         raise CaseError(key, f"'{name}' is no ElementType", "see docs/how-to/own-element.md")
     return found

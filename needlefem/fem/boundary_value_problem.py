@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh
 from needlefem.elements import ElementType
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 from needlefem.fem.forms import Field
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
@@ -52,7 +52,7 @@ class StaticSolution:
         return self._error(exact, order, gradient=True)
 
     def _error(self, exact: Callable[[Points], Floats], order: int, *, gradient: bool) -> float:
-        basis = assembly.fine_basis(self.space.mesh, self.space.element, order)
+        basis = forms.fine_basis(self.space.mesh, self.space.element, order)
         found = basis.interpolate(self.u)
         values = np.asarray(found.grad if gradient else found)
         where = np.asarray(basis.global_coordinates())
@@ -163,15 +163,13 @@ class BoundaryValueProblem:
     ) -> "BoundaryValueProblem":
         """Apply a traction, a function of points and outward normals, on facets."""
         space = self.space
-        self._load += assembly.traction_load(
-            space.mesh, space.element, self.facets(where), traction
-        )
+        self._load += forms.traction_load(space.mesh, space.element, self.facets(where), traction)
         return self
 
     def apply_body_force(self, force: Field, order: int = 8) -> "BoundaryValueProblem":
         """Apply a force per volume."""
-        basis = assembly.fine_basis(self.space.mesh, self.space.element, order)
-        self._load += assembly.body_load(basis, force)
+        basis = forms.fine_basis(self.space.mesh, self.space.element, order)
+        self._load += forms.body_load(basis, force)
         return self
 
     def solve(self) -> StaticSolution:

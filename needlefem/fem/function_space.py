@@ -10,7 +10,7 @@ from needlefem._arrays import Floats, Ints, Points, SkfemMesh
 from needlefem._pickling import lasting_state
 from needlefem.elements import ElementType
 from needlefem.errors import CaseError, nearest, short
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 from needlefem.fem.interpolation import Interpolation
 
 CELLS = {
@@ -45,7 +45,7 @@ class FunctionSpace:
             raise CaseError("discretisation.element", problem, remedy)
         self.mesh, self.element = mesh, element
         self.dim: int = mesh.dim()
-        self.basis = assembly.displacement_basis(mesh, element, element.stiffness_rule)
+        self.basis = forms.displacement_basis(mesh, element, element.stiffness_rule)
         self.ndofs: int = self.basis.N
         first = self.basis.element_dofs[:: self.dim]
         _, numbers = np.unique(first, return_inverse=True)
@@ -64,7 +64,7 @@ class FunctionSpace:
         """Restore a space; its basis is made again, with the same numbers of dofs."""
         vars(self).update(state)
         element = self.element
-        self.basis = assembly.displacement_basis(self.mesh, element, element.stiffness_rule)
+        self.basis = forms.displacement_basis(self.mesh, element, element.stiffness_rule)
 
     @cached_property
     def node_of(self) -> Ints:

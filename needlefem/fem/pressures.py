@@ -12,7 +12,7 @@ from scipy.sparse import block_array, vstack
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 
 
 class Pressures:
@@ -29,7 +29,7 @@ class Pressures:
 
     def __init__(self, mesh: SkfemMesh, element: ElementType, owner: Ints) -> None:
         self._element = element
-        self._basis = assembly.pressure_basis(mesh, element)
+        self._basis = forms.pressure_basis(mesh, element)
         self._parts = [np.flatnonzero(owner == number) for number in range(int(owner.max()) + 1)]
         self._parts = [cells for cells in self._parts if cells.size]
         self._used = [np.unique(self._basis.element_dofs[:, cells]) for cells in self._parts]
@@ -44,7 +44,7 @@ class Pressures:
         """Return B, shape (count, ndofs), on the displacement's basis."""
         rows = []
         for cells, used in zip(self._parts, self._used, strict=True):
-            whole = assembly.coupling(basis.with_elements(cells), self._basis.with_elements(cells))
+            whole = forms.coupling(basis.with_elements(cells), self._basis.with_elements(cells))
             rows.append(whole.tocsr()[used])
         return vstack(rows).tocsr()
 
@@ -52,7 +52,7 @@ class Pressures:
         """Return the mass matrix weighted by one number a cell, shape (count, count)."""
         blocks = []
         for cells, used in zip(self._parts, self._used, strict=True):
-            whole = assembly.pressure_mass(self._basis.with_elements(cells), weight[cells])
+            whole = forms.pressure_mass(self._basis.with_elements(cells), weight[cells])
             blocks.append(whole.tocsr()[used][:, used])
         n = len(blocks)
         diagonal = [[blocks[i] if i == j else None for j in range(n)] for i in range(n)]

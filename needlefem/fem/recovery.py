@@ -5,7 +5,7 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.elements import MIXED
 from needlefem.errors import CaseError
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 from needlefem.fem.stress import stresses
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import volumetric_split
@@ -29,7 +29,7 @@ class CellFields:
 
     def __init__(self, model: TissueModel) -> None:
         self.model, self.place = model, middle(model)
-        self._basis = assembly.displacement_basis(
+        self._basis = forms.displacement_basis(
             model.mesh, model.element, lambda: (np.ascontiguousarray(self.place.T), np.ones(1))
         )
 

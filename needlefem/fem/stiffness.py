@@ -17,7 +17,7 @@ from needlefem._arrays import Floats, Ints, Sparse
 from needlefem._pickling import lasting_state
 from needlefem.elements import BBAR, DISPLACEMENT
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 from needlefem.fem.factorization import Factor, factorise
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.pressures import Pressures
@@ -80,16 +80,16 @@ class Stiffness:
         """Restore a stiffness; its basis is made again."""
         vars(self).update(state)
         rule = self._element.stiffness_rule
-        self._basis = assembly.displacement_basis(self._mesh, self._element, rule)
+        self._basis = forms.displacement_basis(self._mesh, self._element, rule)
 
     @cached_property
     def matrix(self) -> Sparse:
         """K, or A of a mixed element, shape (ndofs, ndofs)."""
-        found = assembly.stiffness(self._basis, self.law)
+        found = forms.stiffness(self._basis, self.law)
         rule = self._element.volume_rule
         if self._element.volume == BBAR and rule is not None:
-            basis = assembly.displacement_basis(self._mesh, self._element, rule)
-            found = found + assembly.volume_stiffness(basis, 1.0 / self.compressibility)
+            basis = forms.displacement_basis(self._mesh, self._element, rule)
+            found = found + forms.volume_stiffness(basis, 1.0 / self.compressibility)
         return found
 
     @cached_property

@@ -10,7 +10,7 @@ import numpy as np
 from needlefem._arrays import Floats, Points
 from needlefem.elements import BBAR, MIXED
 from needlefem.errors import CaseError
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
 from needlefem.materials.voigt import volumetric
@@ -44,7 +44,7 @@ def stresses(
         )
         raise CaseError("discretisation.element", problem, remedy)
     gradient = _gradient(space, u, reference)
-    strain = np.stack(assembly.strain(gradient), axis=0)
+    strain = np.stack(forms.strain(gradient), axis=0)
     found: Floats = np.einsum("ijc,jcq->cqi", stiffness.law, strain)
     if element.volume == BBAR and element.volume_rule is not None:
         middle = _gradient(space, u, element.volume_rule()[0].T)
@@ -63,7 +63,7 @@ def _m(space: FunctionSpace) -> Floats:
 def _gradient(space: FunctionSpace, u: Floats, reference: Points) -> Floats:
     """Return the displacement's gradient, shape (dim, dim, ncells, n)."""
     weights = np.full(len(reference), 1.0 / len(reference))
-    basis = assembly.displacement_basis(
+    basis = forms.displacement_basis(
         space.mesh, space.element, lambda: (np.ascontiguousarray(reference.T), weights)
     )
     found: Floats = np.asarray(basis.interpolate(u).grad)

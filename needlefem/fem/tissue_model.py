@@ -9,7 +9,7 @@ from needlefem._arrays import Floats, Ints, SkfemMesh, Sparse
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError
-from needlefem.fem import forms as assembly
+from needlefem.fem import forms
 from needlefem.fem.factorization import Factor
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
@@ -137,13 +137,13 @@ class TissueModel(FunctionSpace):
             for branch in branches_of(material, self.dim, self.plane):
                 law = laws.setdefault(branch.time, np.zeros((size, size, self.mesh.nelements)))
                 law[:, :, self.cell_materials == number] += branch.stiffness[:, :, None]
-        return tuple((time, assembly.stiffness(self.basis, laws[time])) for time in sorted(laws))
+        return tuple((time, forms.stiffness(self.basis, laws[time])) for time in sorted(laws))
 
-    def body_load(self, force: assembly.Field, order: int = 6) -> Floats:
+    def body_load(self, force: forms.Field, order: int = 6) -> Floats:
         """Return the load of a force per volume (N/m^3) on all dofs, shape (ndofs,), N (N/m)."""
-        return assembly.body_load(assembly.fine_basis(self.mesh, self.element, order), force)
+        return forms.body_load(forms.fine_basis(self.mesh, self.element, order), force)
 
-    def face_load(self, face: str, traction: assembly.Field) -> Floats:
+    def face_load(self, face: str, traction: forms.Field) -> Floats:
         """Return the load of a traction (Pa) on a named face, shape (ndofs,), N (N/m).
 
         Raises
@@ -152,7 +152,7 @@ class TissueModel(FunctionSpace):
             There is no such face.
         """
         facets = self.face(face, "face")
-        return assembly.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
+        return forms.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
 
     @cached_property
     def density(self) -> Floats:
@@ -162,15 +162,15 @@ class TissueModel(FunctionSpace):
     @cached_property
     def mass(self) -> Sparse:
         """Consistent M, shape (ndofs, ndofs), kg (per metre of thickness in 2D)."""
-        return assembly.mass(self._mass_basis, self.density)
+        return forms.mass(self._mass_basis, self.density)
 
     def lumped_mass(self, scheme: str) -> Floats:
-        """Diagonal of the lumped M, shape (ndofs,); see `assembly.lumped_mass`."""
-        return assembly.lumped_mass(self._mass_basis, self.density, scheme, self.element)
+        """Diagonal of the lumped M, shape (ndofs,); see `forms.lumped_mass`."""
+        return forms.lumped_mass(self._mass_basis, self.density, scheme, self.element)
 
     @cached_property
     def _mass_basis(self) -> object:
-        return assembly.displacement_basis(self.mesh, self.element, self.element.mass_rule)
+        return forms.displacement_basis(self.mesh, self.element, self.element.mass_rule)
 
     def free_block(self, matrix: Sparse) -> Sparse:
         """Return rows and columns of the free dofs."""

@@ -348,24 +348,7 @@ class Simulation:
 
 
 def simulate(scene: Scene) -> Insertion:
-    """Let the needle of a scene do what its motion says, at its entry.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    Insertion
-        With the path so far, and a status that says why, where the needle could not go on.
-
-    Raises
-    ------
-    CaseError
-        The scene can't be built, or its entry is missing or misses the skin.
-    CheckFailedError
-        The discretisation fails a check of the preflight.
-    """
+    """Move the needle of a scene; parameters, result, errors: those of `needlefem.simulate`."""
     simulation = Simulation(scene)
     simulation.check()
     return simulation.move(simulation.entry_of_case())

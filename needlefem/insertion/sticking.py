@@ -3,8 +3,8 @@
 Rigid sticking prescribes the displacement of every segment of the path. Segments much shorter
 than the distance of nodes move alike, so that the forces between them are not determined: their
 response is singular to round-off. A tangential penalty makes it regular: a segment that sticks is
-held by a spring and gives way by friction over stiffness. Forward slip does not feel it, for there
-friction is at its limit whatever the spring.
+held by a spring, whose extension is friction over stiffness. The spring does not act in forward
+slip, for there friction is at its limit.
 """
 
 import dataclasses
@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from needlefem.checks.result import CheckResult
+from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.friction import SlipWeakeningFriction, stick_condition
-from needlefem.contact.straight_contact import straight_contact
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.needle.needle_interface import NeedleInterface
@@ -24,7 +24,7 @@ STICK_CONDITION = 1e9
 """Condition of the response of what sticks from which on its forces are noise: round-off of the
 responses, 1e-15, then shows in them at 1e-6."""
 GIVES_WAY = 0.01
-"""Displacement by which a chosen penalty gives way at the friction limit, over the tip's radius."""
+"""Extension of a chosen penalty at the friction limit, over the tip's radius."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,3 +130,26 @@ def _rounded(stiffness: float) -> float:
     """Return two digits of a number, not more than it."""
     unit = 10.0 ** (math.floor(math.log10(stiffness)) - 1)
     return math.floor(stiffness / unit * (1.0 + 1e-12)) * unit
+
+
+def straight_contact(
+    instrument: NeedleInterface, responses: ComplianceOperator, count: int
+) -> CondensedContact:
+    """Return a contact with a path of equal pieces along the needle's line, without forces.
+
+    Parameters
+    ----------
+    instrument : NeedleInterface
+    responses : ComplianceOperator
+        Of the tissue.
+    count : int
+        Pieces, from the entry on.
+    """
+    axis, spacing = instrument.axis, instrument.spacing
+    contact = CondensedContact(responses, axis.frame)
+    hold = 1.0 / (instrument.lateral_stiffness * spacing)
+    for number in range(count):
+        ends = axis.tip_position((number + 1) * spacing), axis.tip_position(number * spacing)
+        trial = contact.trial(instrument.tip_and_piece(*ends))
+        contact.append_segment(trial, 1, 0.0, np.zeros(len(axis.lateral_directions)), hold)
+    return contact

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from importlib import import_module
 
-from needlefem import _plugin as foreign
+from needlefem import _plugin
 from needlefem.errors import CaseError, matching, nearest, short
 
 HOMES = {
@@ -41,12 +41,12 @@ def law_class(name: str, key: str) -> type:
     CaseError
         There is none of that name (the nearest is named), or it is no dataclass.
     """
-    if not foreign.is_foreign(name):
+    if not _plugin.is_foreign(name):
         known = matching(name, LAWS)
         if known is None:
             raise CaseError(key, f"no law {short(name)}", nearest(name, LAWS))
         return LAWS[known]
-    found = foreign.load(name, key)
+    found = _plugin.load(name, key)
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise CaseError(key, f"'{name}' is no dataclass", "see docs/how-to/own-material.md")
     return found

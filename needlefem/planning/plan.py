@@ -28,32 +28,7 @@ def plan(
     all_solutions: bool = False,
     watch: Watch | None = None,
 ) -> Plan:
-    """Find the release point from which a seed, biopsy or injection ends on the target.
-
-    Parameters
-    ----------
-    scene : Scene
-    target : array, list or tuple, shape (dim,), m, optional
-        The case's own target when left out.
-    search : str, optional
-        ``"root"`` of the signed lateral miss; ``"golden"`` section on the error, as in the paper
-        (R. Alterovitz et al., IROS 2003, section V.C); ``"grid"`` where the error is not
-        unimodal. The case's choice when left out.
-    all_solutions : bool
-        Also scan the range for further heights that hit the target.
-    watch : callable, optional
-        Called with every state of every insertion.
-
-    Where obstacles leave no height that hits, the scene's further directions are tried in turn; the
-    first along which a plan succeeds wins, or else that with the least error.
-
-    Raises
-    ------
-    CaseError
-        The scene can't be built, or the target is missing or outside the tissue.
-    CheckFailedError
-        The discretisation fails a check: nothing is planned on it.
-    """
+    """Plan for a scene; parameters, result and errors are those of `needlefem.plan`."""
     chosen = target if target is not None else scene.target
     if chosen is None:
         raise CaseError("target.point", "missing", "give a target to plan for")

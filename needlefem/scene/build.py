@@ -11,7 +11,7 @@ from needlefem.elements import element_row
 from needlefem.errors import CaseError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.geometry.contour import Contour
-from needlefem.mesh import generation as meshes
+from needlefem.mesh import generation
 from needlefem.mesh.cell_map import cell_measures
 from needlefem.mesh.conform import fit_to_contours
 from needlefem.mesh.file import read_mesh
@@ -49,7 +49,7 @@ def build_mesh(scene: Scene) -> SkfemMesh:
         if error.key != "mesh.interfaces" or "contour_size" not in error.remedy:
             raise
         raise CaseError(error.key, error.problem, _fitting_size(scene, wanted, contours)) from None
-    return meshes.name_faces(meshes.name_regions(mesh, contours), scene.axes)
+    return generation.name_faces(generation.name_regions(mesh, contours), scene.axes)
 
 
 def _contours(scene: Scene) -> dict[str, Contour]:
@@ -63,7 +63,7 @@ def _box_cells(
     fitted = wanted.interfaces == "fitted" and bool(contours)
     split = wanted.pattern == QUADRILATERAL and (fitted or bool(fields))
     pattern = "diagonal" if split else wanted.pattern
-    mesh = meshes.box(origin, wanted.size, wanted.divisions, pattern)
+    mesh = generation.box(origin, wanted.size, wanted.divisions, pattern)
     larger = THREE_OF_A_TRIANGLE if split else 1.0
     if fields:
 
@@ -74,13 +74,13 @@ def _box_cells(
             return least
 
         for contour, size in _contour_sizes(scene, wanted, contours):
-            mesh = meshes.find_contour(mesh, contour, larger * size)
-        mesh = meshes.refine(mesh, wanted_size)
+            mesh = generation.find_contour(mesh, contour, larger * size)
+        mesh = generation.refine(mesh, wanted_size)
     if fitted:
         mesh = fit_to_contours(mesh, contours)
         for name, contour in contours.items():
             _check_area(mesh, name, contour)
-    return meshes.into_quadrilaterals(mesh) if split else mesh
+    return generation.into_quadrilaterals(mesh) if split else mesh
 
 
 def _check_area(mesh: SkfemMesh, name: str, contour: Contour) -> None:
@@ -123,8 +123,8 @@ def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:
     groups = {}
     for name, region in scene.regions.items():
         if region.group is not None:
-            groups[name] = meshes.group_cells(mesh, region.group, f"regions.{name}.group")
-    return meshes.name_regions(mesh, _contours(scene), groups)
+            groups[name] = generation.group_cells(mesh, region.group, f"regions.{name}.group")
+    return generation.name_regions(mesh, _contours(scene), groups)
 
 
 def _check_contours(contours: Mapping[str, Contour], low: Floats, size: Floats) -> None:
@@ -142,8 +142,8 @@ def _check_contours_in(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> None
     """Refuse contours with a corner farther outside a mesh than its cells are large."""
     if not contours:
         return
-    around = meshes.outline(mesh, np.arange(mesh.nelements))
-    largest = float(np.max(meshes.cell_sizes(mesh)))
+    around = generation.outline(mesh, np.arange(mesh.nelements))
+    largest = float(np.max(generation.cell_sizes(mesh)))
     for name, contour in contours.items():
         key = f"regions.{name}.contour"
         contour.check(key)
@@ -158,16 +158,16 @@ def _check_contours_in(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> None
 
 def _size_fields(
     scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
-) -> list[meshes.SizeField]:
+) -> list[generation.SizeField]:
     refine = wanted.refine
-    fields: list[meshes.SizeField] = []
+    fields: list[generation.SizeField] = []
     if refine.corridor_size > 0.0:
         begin, end = _corridor(scene, wanted)
         fields.append(
-            meshes.near_segment(begin, end, 0.5 * refine.corridor_width, refine.corridor_size)
+            generation.near_segment(begin, end, 0.5 * refine.corridor_width, refine.corridor_size)
         )
     sizes = _contour_sizes(scene, wanted, contours)
-    return fields + [meshes.near_contour(contour, size) for contour, size in sizes]
+    return fields + [generation.near_contour(contour, size) for contour, size in sizes]
 
 
 def _contour_sizes(
@@ -199,26 +199,11 @@ def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:
 def build_model(
     scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool = False
 ) -> TissueModel:
-    """Return the scene's discretised tissue.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its element is chosen where it is left open.
-    mesh : skfem.Mesh, optional
-        The scene's, when it is there already.
-    floating : bool
-        Without its supports.
-
-    Raises
-    ------
-    CaseError
-        The scene can't be built.
-    """
+    """Discretise the tissue; parameters and errors are those of `needlefem.build_model`."""
     if scene.discretisation.element == "auto":
         scene = resolve(scene).scene
     mesh = build_mesh(scene) if mesh is None else mesh
-    used = {meshes.BACKGROUND: scene.background}
+    used = {generation.BACKGROUND: scene.background}
     used |= {name: region.material for name, region in scene.regions.items()}
     materials = {name: scene.materials[material] for name, material in used.items()}
     row = element_row(scene.discretisation.element)

@@ -118,11 +118,8 @@ def listing(seed: int, runs: Sequence[InputRun]) -> list[str]:
     for run in runs:
         if not run.faults:
             continue
-        what = "; ".join(
-            f"{f.requirement}: {f.detail.strip().splitlines()[-1]}" for f in run.faults
-        )
         lines.append(f"input {run.number} [{run.kinds['input']}; {run.damage}] {run.command}")
-        lines.append(f"    {what}")
+        lines.append(f"    {'; '.join(map(str, run.faults))}")
         lines.append(f"    {command(seed, run.number)}")
     return lines
 

@@ -44,6 +44,9 @@ class Fault:
     requirement: str
     detail: str
 
+    def __str__(self) -> str:
+        return f"{self.requirement}: {self.detail.strip().splitlines()[-1]}"
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SceneRun:

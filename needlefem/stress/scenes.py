@@ -126,9 +126,7 @@ def listing(seed: int, runs: Sequence[SceneRun]) -> list[str]:
     for run in runs:
         if run.complete and not run.faults:
             continue
-        what = "; ".join(
-            f"{f.requirement}: {f.detail.strip().splitlines()[-1]}" for f in run.faults
-        )
+        what = "; ".join(map(str, run.faults))
         said = run.sentence.splitlines()[0] if run.sentence else ""
         lines.append(f"scene {run.number} [{run.status}] {what or said}")
         lines.append(f"    {command('scenes', seed, run.number)}")

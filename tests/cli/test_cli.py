@@ -280,12 +280,12 @@ def test_too_coarse_a_mesh_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
 def test_no_renderer_ends_with_4(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from needlefem.plotting import backend as driver
+    from needlefem.plotting import backend
 
-    monkeypatch.setattr(driver, "WINDOWS", ())
-    driver.renderer.cache_clear()
+    monkeypatch.setattr(backend, "WINDOWS", ())
+    backend.renderer.cache_clear()
     status, _, err = run(capsys, "plan", CASE, "--out", str(tmp_path))
-    driver.renderer.cache_clear()
+    backend.renderer.cache_clear()
     assert status == 4
     assert "apt-get install" in err
     assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]

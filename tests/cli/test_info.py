@@ -6,7 +6,7 @@ import pytest
 
 import needlefem
 from needlefem.cli.main import main
-from needlefem.plotting import backend as driver
+from needlefem.plotting import backend
 
 
 def test_info_in_two_lines_and_as_json(capsys: pytest.CaptureFixture[str]) -> None:
@@ -28,8 +28,8 @@ def test_info_in_two_lines_and_as_json(capsys: pytest.CaptureFixture[str]) -> No
 def test_info_where_nothing_draws(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(driver, "WINDOWS", ())
-    driver.renderer.cache_clear()
+    monkeypatch.setattr(backend, "WINDOWS", ())
+    backend.renderer.cache_clear()
     assert main(["info"]) == 0
-    driver.renderer.cache_clear()
+    backend.renderer.cache_clear()
     assert "no picture can be drawn here" in capsys.readouterr().out

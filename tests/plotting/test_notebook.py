@@ -13,7 +13,7 @@ from needlefem.insertion.simulation import simulate
 from needlefem.io.saved_result import SavedResult
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan
-from needlefem.plotting import backend as driver
+from needlefem.plotting import backend
 from needlefem.plotting.notebook import SIZE, html_of, png_of
 from needlefem.scene import Scene, vary
 
@@ -65,10 +65,10 @@ def test_a_shell_gets_formatters_for_what_it_shows(gel: Scene) -> None:
 
 def test_without_a_driver_there_is_a_table(gel: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     insertion = simulate(gel)
-    monkeypatch.setattr(driver, "WINDOWS", ())
-    driver.renderer.cache_clear()
+    monkeypatch.setattr(backend, "WINDOWS", ())
+    backend.renderer.cache_clear()
     assert png_of(insertion) is None
-    driver.renderer.cache_clear()
+    backend.renderer.cache_clear()
     html = html_of(insertion)
     assert "completed" in html
     assert f"{100 * insertion.depths[-1]:.3f} cm" in html

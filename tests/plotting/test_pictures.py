@@ -10,7 +10,7 @@ import pytest
 
 from needlefem.errors import NoRendererError
 from needlefem.insertion.simulation import simulate
-from needlefem.plotting import backend as driver
+from needlefem.plotting import backend
 from needlefem.plotting.render import RenderOptions, render
 from needlefem.scene import Scene
 
@@ -32,19 +32,19 @@ def test_picture_shows_tissue_needle_and_target(gel: Scene, tmp_path: Path) -> N
 
 
 def test_no_driver_is_an_error_with_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(driver, "WINDOWS", ())
-    driver.renderer.cache_clear()
+    monkeypatch.setattr(backend, "WINDOWS", ())
+    backend.renderer.cache_clear()
     with pytest.raises(NoRendererError, match="apt-get install libegl1"):
-        driver.renderer()
-    driver.renderer.cache_clear()
+        backend.renderer()
+    backend.renderer.cache_clear()
 
 
 def test_no_pyvista_is_an_error_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(driver, "find_spec", lambda _: None)
-    driver.renderer.cache_clear()
+    monkeypatch.setattr(backend, "find_spec", lambda _: None)
+    backend.renderer.cache_clear()
     with pytest.raises(NoRendererError, match="pip install 'needlefem\\[render\\]'"):
-        driver.renderer()
-    driver.renderer.cache_clear()
+        backend.renderer()
+    backend.renderer.cache_clear()
 
 
 def test_a_driver_that_kills_the_process_is_survived(tmp_path: Path) -> None:

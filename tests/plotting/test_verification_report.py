@@ -20,7 +20,7 @@ from needlefem.elements import CATALOGUE
 from needlefem.errors import NoRendererError
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem
 from needlefem.materials import Isotropic
-from needlefem.plotting import verification_report as page
+from needlefem.plotting import verification_report
 from needlefem.plotting.svg_charts import Bar, ChartLine, bars, loglog
 
 
@@ -79,7 +79,7 @@ def made_up(*, failing: bool) -> Problem:
 
 def test_page_is_whole_and_says_what_it_must(tmp_path: Path) -> None:
     report = run_problem(made_up(failing=False), {"made up: a < b": 1.0})
-    path = page.write_report(tmp_path, [report], quick=True)
+    path = verification_report.write_report(tmp_path, [report], quick=True)
     text = path.read_text(encoding="utf-8")
     parser = Strict()
     parser.feed(text)
@@ -99,14 +99,14 @@ def test_failures_come_first_and_are_counted(monkeypatch: pytest.MonkeyPatch) ->
     def none(_: Shape) -> str:
         raise NoRendererError("nothing draws here")
 
-    monkeypatch.setattr(page, "picture", none)
+    monkeypatch.setattr(verification_report, "picture", none)
     good, bad = (run_problem(made_up(failing=f), {"made up: a < b": 1.0}) for f in (False, True))
     renamed = dataclasses.replace(good, problem=dataclasses.replace(good.problem, name="fine"))
-    text = page.html([renamed, bad], quick=False)
+    text = verification_report.html([renamed, bad], quick=False)
     assert "1 failed" in text
     assert text.index(">made up<") < text.index(">fine<")
     assert "No picture: nothing draws here" in text
-    assert not page.record([good, bad], quick=False)["passed"]
+    assert not verification_report.record([good, bad], quick=False)["passed"]
 
 
 @pytest.mark.parametrize(

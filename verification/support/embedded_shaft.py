@@ -5,9 +5,9 @@ import numpy as np
 from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
-from needlefem.contact.straight_contact import straight_contact
 from needlefem.fem.compliance import CachedCompliance
 from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.sticking import straight_contact
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.needle.tip_kernel import PointKernel, cross_section
