@@ -77,7 +77,7 @@ def _moved(
 ) -> tuple[Insertion, dict[str, Any], Table | None]:
     """Return what the needle does, its record, and the table of expectations."""
     watch = progress("moving")
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, expected_insertions=1)
     simulation.check()
     course = simulation.insertion_run(simulation.entry_of_case())
     states = course.iterate()

@@ -10,6 +10,7 @@ The whole factor is asked for the few columns b only, however many nodes the nee
 the corridor and whatever its radius or friction; nothing is subtracted, so no digits are lost.
 """
 
+from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -90,6 +91,20 @@ class Corridor(NamedTuple):
         return np.column_stack([along, points - along[:, None] * direction])
 
 
+def coupled_equations(model: TissueModel, inner: Bools) -> Bools:
+    """Return whether equations couple to inner ones from outside, shape (nequations,).
+
+    Parameters
+    ----------
+    model : TissueModel
+    inner : array, shape (nequations,)
+        Whether an equation is an inner one.
+    """
+    rows = model.stiffness.matrix.tocsr()[model.free_dofs[inner]]
+    found: Bools = np.isin(model.free_dofs, rows.indices) & ~inner
+    return found
+
+
 # Kernel: inverse of the operator within a corridor.
 #     (A^-1)_ii = A_ii^-1 + G (A^-1)_bb G^T,    G = A_ii^-1 A_ib
 # i, b  equations inside of the corridor, and those coupled to them from outside
@@ -112,7 +127,7 @@ class StaticCondensation:
         own = model.free_dofs[inner]
         self._place: Ints = np.cumsum(inner) - 1
         rows = model.stiffness.matrix.tocsr()[own]
-        coupled = np.isin(model.free_dofs, rows.indices) & ~inner
+        coupled = coupled_equations(model, inner)
         link = rows[:, model.free_dofs[coupled]].toarray(order="F")
         self._factor = factorise(rows[:, own])
         self._reach: Floats = self._factor.solve(link)
@@ -142,13 +157,16 @@ class CondensedCorridor:
 
     def __init__(self, model: TissueModel, corridor: Corridor) -> None:
         self._model, self._room = model, corridor.halfwidth
-        self._whole = InverseColumnsOnDemand(model.factor, len(model.free_dofs))
         self._node: Ints = model.node_of[model.free_dofs]
         self._places: Floats = corridor.places(model.nodes)
         ends = corridor.places(np.array([corridor.begin, corridor.end]))
         self._low = ends.min(axis=0) - self._room
         self._high = ends.max(axis=0) + self._room
         self._condensed: StaticCondensation | None = None
+
+    @cached_property
+    def _whole(self) -> InverseColumnsOnDemand:
+        return InverseColumnsOnDemand(self._model.factor, len(self._model.free_dofs))
 
     @property
     def solves(self) -> int:

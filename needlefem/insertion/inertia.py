@@ -29,7 +29,7 @@ from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.factorization import Factor
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.recent import LeastRecentlyUsed
-from needlefem.insertion.tissue_response import responses_of
+from needlefem.insertion.tissue_response import ExpectedLoads, responses_of
 from needlefem.scene import Rayleigh, Scene
 
 RINGS = 1.0 - 1e-9
@@ -80,6 +80,7 @@ class DynamicResponse:
     ----------
     system : TissueSystem
     integrator : Implicit
+    expected : ExpectedLoads, optional
     refuse_ringing : bool
         Whether an integrator that does not damp bound displacements is an error.
 
@@ -92,10 +93,15 @@ class DynamicResponse:
     timeless, inertial = False, True
 
     def __init__(
-        self, system: TissueSystem, integrator: Implicit, *, refuse_ringing: bool = True
+        self,
+        system: TissueSystem,
+        integrator: Implicit,
+        expected: ExpectedLoads | None = None,
+        *,
+        refuse_ringing: bool = True,
     ) -> None:
         self.system, self.model, self.integrator = system, system.model, integrator
-        self._refuse = refuse_ringing
+        self._refuse, self._expected = refuse_ringing, expected
         self._steppers: LeastRecentlyUsed[float, tuple[ImplicitStepper, ComplianceOperator]] = (
             LeastRecentlyUsed()
         )
@@ -149,7 +155,7 @@ class DynamicResponse:
                 "average acceleration rings for ever where a needle binds the tissue",
                 "take newmark_gamma above 0.5, or generalised-alpha with rho_inf below 1",
             )
-        return stepper, responses_of(self.model, _Scaled(stepper))
+        return stepper, responses_of(self.model, _Scaled(stepper), self._expected)
 
     def finish(self, load: Floats) -> None:
         """See `TissueResponse`."""
@@ -167,7 +173,9 @@ class DynamicResponse:
         return dict(self._energies)
 
 
-def dynamic_response(scene: Scene, model: TissueModel) -> DynamicResponse:
+def dynamic_response(
+    scene: Scene, model: TissueModel, expected: ExpectedLoads | None = None
+) -> DynamicResponse:
     """Return the tissue of a resolved scene, in time as its discretisation says.
 
     Raises
@@ -181,7 +189,8 @@ def dynamic_response(scene: Scene, model: TissueModel) -> DynamicResponse:
     gamma = numbers.newmark_gamma
     newmark = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)
     alpha = GeneralizedAlpha(rho_inf=numbers.rho_inf)
-    return DynamicResponse(system, newmark if numbers.integrator == "newmark" else alpha)
+    chosen = newmark if numbers.integrator == "newmark" else alpha
+    return DynamicResponse(system, chosen, expected)
 
 
 def damping_of(said: Rayleigh) -> Damping:

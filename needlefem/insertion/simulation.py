@@ -22,7 +22,12 @@ from needlefem.insertion.insertion_run import InsertionRun
 from needlefem.insertion.motion_schedule import deepest
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
-from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse, responses_of
+from needlefem.insertion.tissue_response import (
+    ElasticResponse,
+    ExpectedLoads,
+    TissueResponse,
+    responses_of,
+)
 from needlefem.materials import branches_of
 from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.mesh.entry import Entry, check_entry, entry_along, entry_at
@@ -48,6 +53,8 @@ Watch = Callable[[State], None]
 CORRIDOR = 2.0
 """Half-width of the corridor that needles are expected in, beside their heights, over the tip's
 radius: the needle's own and as much for the bend of its path."""
+EXPECTED_INSERTIONS = 5
+"""Of a plan: what a search needs for the most part."""
 
 
 class Simulation:
@@ -61,6 +68,8 @@ class Simulation:
         The scene's discretised tissue, when it is there already.
     watch : callable, optional
         Called with every state of every insertion.
+    expected_insertions : int, optional
+        How many will be asked for; it decides how responses are computed, not what they are.
 
     Raises
     ------
@@ -69,9 +78,14 @@ class Simulation:
     """
 
     def __init__(
-        self, scene: Scene, model: TissueModel | None = None, watch: Watch | None = None
+        self,
+        scene: Scene,
+        model: TissueModel | None = None,
+        watch: Watch | None = None,
+        *,
+        expected_insertions: int = EXPECTED_INSERTIONS,
     ) -> None:
-        self._watch = watch
+        self._watch, self._expected = watch, expected_insertions
         self.resolved: Resolved = resolve(scene)
         self.scene = self.resolved.scene
         for name, law in self.scene.materials.items():
@@ -161,10 +175,10 @@ class Simulation:
     @cached_property
     def responses(self) -> ComplianceOperator:
         """Responses of the tissue, shared by all insertions."""
-        return responses_of(self.model, corridor=self._corridor())
+        return responses_of(self.model, expected=self._expected_loads())
 
-    def _corridor(self) -> Corridor | None:
-        """Return where the scene's needles will be, if it says so."""
+    def _expected_loads(self) -> ExpectedLoads | None:
+        """Return where the scene's needles will be, and how many loads they need, if it says so."""
         scene, needle = self.scene, self.scene.needle
         point = scene.motion.entry or scene.target
         entry = (
@@ -173,8 +187,10 @@ class Simulation:
         if entry is None:
             return None
         aside = max(abs(height) for height in scene.planning.height_range)
-        end = entry.point + scene.motion.max_depth * self.direction
-        return Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
+        end = entry.point + deepest(scene.motion) * self.direction
+        corridor = Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
+        segments = int(np.ceil(deepest(scene.motion) / scene.discretisation.path_spacing))
+        return ExpectedLoads.of(corridor, segments, self._expected)
 
     @cached_property
     def cutting_force(self) -> Floats:
@@ -327,11 +343,11 @@ class Simulation:
         if self.scene.discretisation.integrator in DYNAMIC:
             from needlefem.insertion.inertia import dynamic_response  # noqa: PLC0415
 
-            return dynamic_response(self.scene, self.model)
+            return dynamic_response(self.scene, self.model, self._expected_loads())
         if self._memory:
             from needlefem.insertion.viscous import ViscoelasticResponse  # noqa: PLC0415
 
-            return ViscoelasticResponse(self.model)
+            return ViscoelasticResponse(self.model, self._expected_loads())
         return ElasticResponse(self.responses)
 
     def _run(self, course: InsertionRun, stop: Stop | None) -> Insertion:
@@ -349,6 +365,6 @@ class Simulation:
 
 def simulate(scene: Scene) -> Insertion:
     """Move the needle of a scene; parameters, result, errors: those of `needlefem.simulate`."""
-    simulation = Simulation(scene)
+    simulation = Simulation(scene, expected_insertions=1)
     simulation.check()
     return simulation.move(simulation.entry_of_case())

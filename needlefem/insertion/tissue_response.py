@@ -1,43 +1,106 @@
 """Tissue as a needle stepped in time meets it: an operator, and the motion without the needle."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from needlefem._arrays import Floats, Vector
+from needlefem._arrays import Bools, Floats, Vector
 from needlefem.contact.functionals import ContactSegment
 from needlefem.fem.compliance import CachedCompliance, ComplianceOperator, DirectCompliance
-from needlefem.fem.condensation import CondensedCorridor, Corridor
+from needlefem.fem.condensation import CondensedCorridor, Corridor, coupled_equations
 from needlefem.fem.factorization import Factor
 from needlefem.fem.tissue_model import TissueModel
 
 MOST_SHARED_UNKNOWNS = 10_000
-"""Above, a column for every node that a needle touches costs more than condensing its corridor."""
+"""Unknowns up to which columns are taken wherever they cost at most `MARGIN` times single loads,
+for the products that follow cost less with them."""
+MARGIN = 2.0
 MOST_CORRIDOR_UNKNOWNS = 12_000
-"""Above, the compliance between all nodes of a corridor would be too large a matrix."""
+"""Unknowns of a corridor above which the compliance between its nodes needs too much memory."""
+TOUCHED = 0.5
+"""Part of a corridor's unknowns that needles touch: 0.43 to 0.53 in four meshes."""
+FIRST, NEXT = 16, 5
+"""Loads for each segment of the path, of a first insertion and of one that starts from another's
+solution: 16 to 20 and 4 to 7 in four meshes."""
+DENSE = 1_000.0
+"""Operations of a matrix product that take as long as a back-substitution takes for one unknown."""
+
+
+class ExpectedLoads(NamedTuple):
+    """Where needles are expected to load the tissue, and how often.
+
+    Parameters
+    ----------
+    corridor : Corridor
+    loads : int
+        Their number; each is one right-hand side if it is solved for by itself.
+    """
+
+    corridor: Corridor
+    loads: int
+
+    @classmethod
+    def of(cls, corridor: Corridor, segments: int, insertions: int) -> "ExpectedLoads":
+        """Return what a number of insertions needs that have so many path segments each."""
+        return cls(corridor, segments * (FIRST + NEXT * (insertions - 1)))
 
 
 def responses_of(
-    model: TissueModel, factor: Factor | None = None, corridor: Corridor | None = None
+    model: TissueModel, factor: Factor | None = None, expected: ExpectedLoads | None = None
 ) -> ComplianceOperator:
     """Return the responses of a tissue's stiffness, or of a step's factorised operator.
+
+    Of columns for all nodes that needles touch, columns through a condensed corridor, and one
+    back-substitution for each load, those that are expected to cost least; the results agree to
+    round-off.
 
     Parameters
     ----------
     model : TissueModel
     factor : Factor, optional
         Of the step's operator; that of K when left out.
-    corridor : Corridor, optional
-        Where needles are expected.
+    expected : ExpectedLoads, optional
+        Without them the number of unknowns decides alone.
     """
-    if len(model.free_dofs) <= MOST_SHARED_UNKNOWNS:
-        return CachedCompliance(model, factor, corridor=corridor)
-    if corridor is not None and factor is None and model.element.definite:
-        columns = CondensedCorridor(model, corridor)
-        if np.count_nonzero(columns.inner()) <= MOST_CORRIDOR_UNKNOWNS:
-            return CachedCompliance(model, columns=columns, corridor=corridor)
+    few = len(model.free_dofs) <= MOST_SHARED_UNKNOWNS
+    if expected is None:
+        return CachedCompliance(model, factor) if few else DirectCompliance(model, factor)
+    corridor = expected.corridor
+    condensed = CondensedCorridor(model, corridor)
+    inner = condensed.inner()
+    size = np.count_nonzero(inner)
+    if few and TOUCHED * size <= MARGIN * expected.loads:
+        return CachedCompliance(model, factor, corridor=corridor if factor is None else None)
+    if (
+        not few
+        and factor is None
+        and model.element.definite
+        and size <= MOST_CORRIDOR_UNKNOWNS
+        and corridor_cost(model, inner) <= expected.loads
+    ):
+        return CachedCompliance(model, columns=condensed, corridor=corridor)
     return DirectCompliance(model, factor)
+
+
+def corridor_cost(model: TissueModel, inner: Bools) -> float:
+    """Return what columns through a condensed corridor cost, in back-substitutions.
+
+    With n unknowns, of which ni lie in the corridor, nb around it and R are touched, these are nb
+    with the whole factor, R + nb with the corridor's own, and the products of ni nb^2 and R^2 nb
+    operations, twice each.
+
+    Parameters
+    ----------
+    model : TissueModel
+    inner : array, shape (nequations,)
+        Whether an equation belongs to the corridor.
+    """
+    n, ni = len(inner), float(np.count_nonzero(inner))
+    nb = float(np.count_nonzero(coupled_equations(model, inner)))
+    touched = TOUCHED * ni
+    products = 2.0 * (ni * nb**2 + touched**2 * nb) / (DENSE * n)
+    return nb + (touched + nb) * ni / n + products
 
 
 class TissueResponse(Protocol):

@@ -12,7 +12,7 @@ from needlefem.errors import SimulationError
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.recent import LeastRecentlyUsed
-from needlefem.insertion.tissue_response import responses_of
+from needlefem.insertion.tissue_response import ExpectedLoads, responses_of
 
 
 class ViscoelasticResponse:
@@ -20,8 +20,8 @@ class ViscoelasticResponse:
 
     timeless, inertial = False, False
 
-    def __init__(self, model: TissueModel) -> None:
-        self.model, self.system = model, TissueSystem(model)
+    def __init__(self, model: TissueModel, expected: ExpectedLoads | None = None) -> None:
+        self.model, self.system, self._expected = model, TissueSystem(model), expected
         self._motion: KinematicState | None = None
         self._start: KinematicState
         self._ended = False
@@ -48,7 +48,7 @@ class ViscoelasticResponse:
 
     def _ready(self, duration: float) -> tuple[StaticStepper, ComplianceOperator]:
         stepper = StaticStepper(self.system, duration)
-        return stepper, responses_of(self.model, stepper.factor)
+        return stepper, responses_of(self.model, stepper.factor, self._expected)
 
     def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
         """See `TissueResponse`."""

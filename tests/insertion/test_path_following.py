@@ -63,6 +63,7 @@ def test_a_condensed_corridor_gives_the_same_path(
 ) -> None:
     plain = simulate(organ)
     monkeypatch.setattr("needlefem.insertion.tissue_response.MOST_SHARED_UNKNOWNS", 0)
+    monkeypatch.setattr("needlefem.insertion.tissue_response.DENSE", np.inf)  # it costs nothing
     monkeypatch.setattr("needlefem.insertion.simulation.CORRIDOR", 0.5)  # it leaves this one
     narrow = Simulation(vary(organ, {"planning.height_range": (0.0, 1e-9)}))
     found = narrow.move(narrow.entry_of_case())
@@ -75,6 +76,41 @@ def test_direct_responses_give_the_same_path(organ: Scene) -> None:
     shared, direct = Simulation(organ), Simulation(organ)
     direct.responses = DirectCompliance(direct.model)
     paths = [s.insert(s.entry_of_case()).tips for s in (shared, direct)]
+    assert paths[0] == pytest.approx(paths[1], abs=1e-11)
+
+
+def test_responses_are_chosen_by_the_number_of_loads(
+    organ: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("needlefem.insertion.tissue_response.MOST_SHARED_UNKNOWNS", 0)
+    monkeypatch.setattr("needlefem.insertion.tissue_response.DENSE", 5.0)  # dear products
+    found = []
+    for insertions in (1, 100):
+        simulation = Simulation(organ, expected_insertions=insertions)
+        insertion = simulation.insert(simulation.entry_of_case())
+        found.append((simulation.responses, insertion.tips))
+    (once, one_path), (often, other_path) = found
+    assert isinstance(once, DirectCompliance)
+    assert isinstance(often, CachedCompliance)
+    assert once.solves < 1.2 * 16 * len(one_path)
+    assert one_path == pytest.approx(other_path, abs=1e-11)
+
+
+@pytest.mark.parametrize("integrator", ["march", "newmark"])
+def test_few_loads_on_many_nodes_are_solved_for_one_by_one(
+    organ: Scene, monkeypatch: pytest.MonkeyPatch, integrator: str
+) -> None:
+    changes = {"discretisation.integrator": integrator, "discretisation.path_spacing": 4e-3}
+    density = {"materials.gel.density": 1000.0, "materials.stiff.density": 1000.0}
+    scene = vary(organ, {**changes, **density, "motion.max_depth": 0.012})
+    paths = []
+    for margin in (1e-9, np.inf):
+        monkeypatch.setattr("needlefem.insertion.tissue_response.MARGIN", margin)
+        simulation = Simulation(scene)
+        run = simulation.insertion_run(simulation.entry_of_case())
+        paths.append(np.array([state.tip for state in run.iterate()]))
+        kind = CachedCompliance if margin > 1.0 else DirectCompliance
+        assert isinstance(run.medium.responses, kind)
     assert paths[0] == pytest.approx(paths[1], abs=1e-11)
 
 
