@@ -83,7 +83,7 @@ def test_responses_are_chosen_by_the_number_of_loads(
     organ: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("needlefem.insertion.tissue_response.MOST_SHARED_UNKNOWNS", 0)
-    monkeypatch.setattr("needlefem.insertion.tissue_response.DENSE", 5.0)  # dear products
+    monkeypatch.setattr("needlefem.insertion.tissue_response.DENSE", 0.3)  # products of high cost
     found = []
     for insertions in (1, 100):
         simulation = Simulation(organ, expected_insertions=insertions)
