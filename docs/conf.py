@@ -1,7 +1,8 @@
 """The documentation site: `make docs` builds it.
 
 Sources are the repository's own Markdown pages where they are, so that their links hold on a
-code host and here; nothing is fetched from the network.
+code host and here; nothing is fetched from the network, neither by the build nor by a reader's
+browser: MathJax is copied into the site.
 """
 
 import sys
@@ -20,6 +21,8 @@ smartquotes = False
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx-mathjax-offline",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
     "needlefem_site",
@@ -45,7 +48,9 @@ html_extra_path = ["site/extra", "../out/docs-verification"]
 html_theme_options = {"navigation_with_keys": True}
 
 myst_heading_anchors = 3
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_fence_as_directive = ["math"]  # fences of this kind are equations on code hosts, too
+highlight_language = "text"  # every other block names its language
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # numpydoc's sections have them, with shape and unit
