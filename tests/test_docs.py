@@ -91,7 +91,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 def test_every_equation_of_the_theory_has_a_source() -> None:
     text, _, sources = (DOCS / "theory.md").read_text().partition("## Sources")
-    equations = [int(n) for n in re.findall(r"^ {4}.*\((\d+)\)$", text, re.MULTILINE)]
+    equations = [int(n) for n in re.findall(r"^\\tag\{(\d+)\}$", text, re.MULTILINE)]
     assert equations == list(range(1, len(equations) + 1))
     named = re.findall(r"^\| ([\d, ]+) \|", sources, re.MULTILINE)
     assert sorted(int(n) for row in named for n in row.split(",")) == equations
