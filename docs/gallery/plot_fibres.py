@@ -1,9 +1,9 @@
 """
-A needle across fibres
-======================
+Insertion into fibrous tissue
+=============================
 
-In fibrous tissue the answer depends on the direction of the fibres: they pull the tissue aside, and
-with it what the needle is meant to hit.
+In fibrous tissue the result depends on the direction of the fibres: they cause a lateral
+displacement of the tissue and of the target.
 """
 
 import numpy as np
@@ -30,8 +30,8 @@ scene = Scene(
 )
 
 # %%
-# Only the fibre's direction changes. The last column is how far the material at the tip is beside
-# the needle's line.
+# Only the direction of the fibres changes. The last column is the lateral distance of the material
+# at the tip from the line of the needle.
 
 insertions = {}
 for degrees in (0, 30, 60, 90):

@@ -1,8 +1,8 @@
 """
-With and without a plan
-=======================
+Insertion with and without a plan
+=================================
 
-The same needle twice: aimed at the target as if tissue were rigid, and where a plan says.
+The script compares an insertion that assumes rigid tissue with a planned insertion.
 """
 
 from pathlib import Path
@@ -18,8 +18,8 @@ for name, release in (("unplanned", plan.unplanned), ("planned", plan.best)):
     print(f"on this model the seed misses by {1e3 * release.placement_error:.1g} mm")
 
 # %%
-# Before insertion, the seed released, the needle out, the error; without (left) and with the plan.
-# When it is released the seed is not at the target, the cross: it is in the tissue that was there
-# before anything moved.
+# The rows show the state before the insertion, the seed released, the needle retracted and the
+# placement error, without a plan (left) and with a plan (right). At the release the seed is not at
+# the target (cross): it is in the material that was at the target before the deformation.
 
 draw_stages(scene, plan, Path("out/plan.png"))

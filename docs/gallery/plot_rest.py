@@ -1,9 +1,9 @@
 """
-A needle that rests
-===================
+Insertion with a dwell
+======================
 
-Force on a needle that goes in, rests, goes on and is drawn out, in gel whose friction is larger for
-what has rested, and falls again as it slips.
+Force on a needle during insertion, dwell, further insertion and retraction, in a gel with static
+friction above kinetic friction and slip weakening.
 """
 
 from pathlib import Path
@@ -41,11 +41,11 @@ for event in insertion.events:
     print(f"{event.time:5.2f} s  {1e3 * event.depth:5.1f} mm  {event.kind}")
 
 # %%
-# The force on the whole needle and the tip's part of it: a peak where it moves on after the rest.
+# The total force and the tip force: the force has a peak when the motion continues after the dwell.
 
 draw_forces(insertion, Path("out/force.png"))
 
 # %%
-# Where along the path the shaft sticks and slips.
+# Sticking and slipping parts of the path.
 
 draw_sticking(insertion, Path("out/sticking.png"))

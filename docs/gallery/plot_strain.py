@@ -1,9 +1,9 @@
 """
-What a needle does to the tissue around it
-==========================================
+Strain of the tissue around a needle
+====================================
 
-The paper's prostate with the needle in. The organ is stiffer than what is around it and is pushed
-at its lower half, so that it turns: the target is carried away from the needle's line.
+The prostate of the paper with the needle inserted. The organ is stiffer than the tissue around it
+and is loaded at its lower half, so that it rotates: the target moves away from the line of the needle.
 """
 
 import needlefem as nf
@@ -13,13 +13,13 @@ scene = nf.load_case("../../cases/prostate-2003/case.toml")
 insertion = nf.simulate(scene)
 
 # %%
-# Coloured by the largest principal strain. Along the shaft friction drags the tissue along. From
-# 30 % on the package warns that displacements there are indicative.
+# The colour is the largest principal strain. Friction drags the tissue along the shaft. Above a
+# strain of 30 % a warning states that the displacements are indicative only.
 
 nf.render(insertion, "out/strain.png", depth=0.04, shot=RenderOptions(field="strain"))
 
 # %%
-# The same as an ultrasound image would show it. The image is made up; an own one is given by its
-# file's name.
+# The same state as a synthetic ultrasound image. The name of an image file as the texture shows
+# that image instead.
 
 nf.render(insertion, "out/ultrasound.png", depth=0.04, shot=RenderOptions(texture="synthetic"))

@@ -53,14 +53,14 @@ def _report() -> str:
     answers = [answer for problem in report["problems"] for answer in problem["answers"]]
     missed = sum(not a["reference_met"] or a["record_met"] is False for a in answers)
     packages = ", ".join(f"{name} {number}" for name, number in report["packages"].items())
-    kind = "quick run" if report["quick"] else "whole run"
+    kind = "quick run" if report["quick"] else "complete run"
     return "\n".join(
         [
             f"This site was built after a {kind} of {len(report['problems'])} problems with "
-            f"{packages}: {len(answers)} answers, {missed or 'none'} missed. "
-            '<a href="../verification.html">Errors over unknowns and seconds, with meshes</a>.',
+            f"{packages}: {len(answers)} quantities, {missed or 'none'} outside the tolerance. "
+            '<a href="../verification.html">Errors against unknowns and time, with meshes</a>.',
             "",
-            "| problem | requirement | reference | answers | missed |",
+            "| problem | requirement | reference | quantities | outside tolerance |",
             "|---|---|---|---|---|",
             *map(_row, report["problems"]),
             "",
