@@ -3,7 +3,8 @@ Strain of the tissue around a needle
 ====================================
 
 The prostate of the paper with the needle inserted. The organ is stiffer than the tissue around it
-and is loaded at its lower half, so that it rotates: the target moves away from the line of the needle.
+and is loaded at its lower half, so that it rotates: the target moves away from the
+line of the needle.
 """
 
 import needlefem as nf
