@@ -46,6 +46,11 @@ def adapt(_app: Sphinx, page: str, text: list[str]) -> None:
     text[0] = text[0].replace("gallery/GALLERY_HEADER.rst", "examples/index.rst")
 
 
+def outdated(*_: Any) -> list[str]:
+    """Return the page that changes with each verification."""
+    return [REPORT_PAGE]
+
+
 def _report() -> str:
     if not REPORT.exists():
         raise ConfigError(f"no '{REPORT}': `make docs` runs the verification first")
@@ -78,4 +83,5 @@ def _row(problem: dict[str, Any]) -> str:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Tell Sphinx what is here."""
     app.connect("source-read", adapt)
+    app.connect("env-get-outdated", outdated)
     return {"parallel_read_safe": True}
