@@ -14,6 +14,23 @@ from tests.pages import DOCS, PAGES, ROOT, WHOLE, site
 
 TABLES = site("tables").PAGES
 TOCTREE = re.compile(r"^```{toctree}\n(.*?)^```", re.MULTILINE | re.DOTALL)
+TERMS = {
+    r"march\w*": "path following",
+    r"ledgers?": "energy balance",
+    r"snap(?:s|ped|ping)?": "rupture",
+    r"lateral hold": "lateral penalty",
+    r"sideways": "lateral",
+    r"turnover": "total absolute work",
+    r"give[sn]? way|lets? go": "rupture, release, deactivate",
+    r"(?:is|are) (?:told|worth)": "is reported, has an error of",
+    r"what is left": "residual",
+    r"abreast|anew|for ever": "level, again, always",
+}
+"""Words that pages do not use, and the term of the glossary or the plain word that they use."""
+QUOTED = re.compile(
+    r"^```.*?^```|`[^`]*`|\"[^\"\n]*\"|\*[^*\n]+\*|\]\([^)]*\)", re.MULTILINE | re.DOTALL
+)
+"""Code, output, names and quotations of a page."""
 OUTSIDE = {DOCS / "examples" / "index"}
 """What is made while the site is built."""
 
@@ -54,6 +71,19 @@ def test_what_the_reference_names_is_there() -> None:
         home, _, last = name.rpartition(".")
         assert getattr(import_module(home), last).__doc__, name
     assert {f"needlefem.{name}" for name in needlefem.__all__} <= set(names)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_pages_use_the_terms_of_the_glossary(page: Path) -> None:
+    """Tables that the package prints and the history of changes have words of their own."""
+    if page.stem == "CHANGELOG" or page.parent == ROOT / "verification":
+        return
+    text = page.read_text(encoding="utf-8")
+    begins, _ = TABLES.get(str(page.relative_to(DOCS)) if DOCS in page.parents else "", (r"\Z", 0))
+    prose = QUOTED.sub("", re.split(begins, text, maxsplit=1, flags=re.MULTILINE)[0])
+    for word, term in TERMS.items():
+        used = re.search(rf"\b(?:{word})\b", prose, re.IGNORECASE)
+        assert used is None, f"'{used and used[0]}' is an old word; the term is: {term}"
 
 
 def anchors(page: Path) -> set[str]:
