@@ -74,6 +74,14 @@ def test_what_the_reference_names_is_there() -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_modules_that_a_page_names_are_there(page: Path) -> None:
+    if page.stem == "CHANGELOG":
+        return
+    for name in re.findall(r"`([\w/]+/\w+\.py)`", page.read_text(encoding="utf-8")):
+        assert (ROOT / name).exists() or (ROOT / "needlefem" / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_pages_use_the_terms_of_the_glossary(page: Path) -> None:
     """Tables that the package prints and the history of changes have words of their own."""
     if page.stem == "CHANGELOG" or page.parent == ROOT / "verification":
