@@ -125,7 +125,7 @@ class EnergyBalance:
         cutting, snap, apart = _tip_parts(old, new, tip, front)
         work = 0.5 * (old.force + new.force) * travel - apart
         friction = 0.5 * sum(float(np.sum(side.friction(travel, sign))) for side, sign in signed)
-        hold = _hold(new, self.pieces) - _hold(old, self.pieces)
+        hold = _penalty_energy(new, self.pieces) - _penalty_energy(old, self.pieces)
         stick = self.give * (_stick(new, self.pieces) - _stick(old, self.pieces))
         hold, friction = hold + stick, friction - stick
         capture = 0.5 * (sides[1].caught(self.pieces) - sides[0].caught(self.pieces))
@@ -298,7 +298,7 @@ def _tip_parts(
     return float(np.dot(forces - excess, shares)), float(np.dot(excess, shares)), apart
 
 
-def _hold(state: State, pieces: Sequence[ContactSegment]) -> float:
+def _penalty_energy(state: State, pieces: Sequence[ContactSegment]) -> float:
     compliances = [_piece(state, n, pieces).compliance for n in range(len(state.friction_force))]
     return 0.5 * float(np.array(compliances) @ np.sum(state.lateral_force**2, axis=1))
 

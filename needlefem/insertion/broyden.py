@@ -8,11 +8,11 @@ from scipy.optimize import brentq
 from needlefem._arrays import Floats
 from needlefem.insertion.step_equations import TOLERANCE, StepSolution
 
-STALLED = 1e-15
+SMALLEST_CHANGE = 1e-15
 """Change of the unknowns below which iterating is in vain, m."""
 FLAT = 1e-8
 """Determinant of the errors' derivatives that is none."""
-MOST_ITERATIONS = 60
+MOST_BROYDEN_ITERATIONS = 60
 
 Evaluate = Callable[[Floats], tuple[StepSolution, Floats]]
 Limit = Callable[[Floats, Floats], Floats]
@@ -35,14 +35,14 @@ def broyden(
         Takes unknowns and their change; returns the change that is allowed.
     """
     jacobian, (solution, error) = jacobian.copy(), evaluate(unknown)
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MOST_BROYDEN_ITERATIONS):
         if np.max(np.abs(error)) <= TOLERANCE:
             return solution
         if abs(np.linalg.det(jacobian)) < FLAT:
             return None
         newton: Floats = -np.linalg.solve(jacobian, error).astype(float)
         change = limit(unknown, newton)
-        if np.linalg.norm(change) < STALLED:
+        if np.linalg.norm(change) < SMALLEST_CHANGE:
             return None
         solution, reached = evaluate(unknown + change)
         wrong = reached - error - jacobian @ change

@@ -9,7 +9,7 @@ from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.functionals import ContactTrial
 from needlefem.fem.interpolation import LinearFunctionals
 
-CLOSE = 1e-9
+NEGLIGIBLE_FORCE = 1e-9
 """Force at a step's end, to this part of that at its other end, that is none."""
 
 
@@ -45,7 +45,7 @@ def press_skin(
     if depth != start:
         first = holding(contact, trial, start)
         per_depth = (forces[0] - first[0]) / (depth - start)
-        small = CLOSE * max(abs(forces[0]), abs(first[0]))
+        small = NEGLIGIBLE_FORCE * max(abs(forces[0]), abs(first[0]))
         if forces[0] > limit:
             depth -= float((forces[0] - limit) / per_depth)
             forces = holding(contact, trial, depth)

@@ -5,7 +5,7 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
-from needlefem.insertion.broyden import MOST_ITERATIONS, broyden
+from needlefem.insertion.broyden import MOST_BROYDEN_ITERATIONS, broyden
 from needlefem.insertion.step_equations import TOLERANCE, StepEquations, StepSolution
 
 
@@ -45,7 +45,7 @@ def solve_retraction(
     if start <= 0.0 or not travel or equations.contact.background is not None:
         arc = start  # out, or the tissue moves by itself: it says which way to look
         ahead = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0).axial_gap < 0.0
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MOST_BROYDEN_ITERATIONS):
         solution = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
         gap = solution.axial_gap
         if abs(gap) <= TOLERANCE or (gap > 0.0 and arc <= 0.0):
@@ -71,7 +71,7 @@ def solve_retraction(
             arc = wanted if inside else 0.5 * (near + far)
     raise SimulationError(
         f"where the retracted tip is on its cut path was not found at {100.0 * depth:.4g} cm in "
-        f"{MOST_ITERATIONS} iterations; shorten discretisation.time_step or path_spacing"
+        f"{MOST_BROYDEN_ITERATIONS} iterations; shorten discretisation.time_step or path_spacing"
     )
 
 
