@@ -16,7 +16,10 @@ FIRST = 2.0
 """After how many seconds the first line is printed."""
 NEXT, LONGEST = 10.0, 60.0
 """Seconds between the first two lines; they grow by a half, up to the longest."""
+FEW_STEPS = 100
+"""Number of time steps up to which a line of progress does not name it."""
 _activity = [""]
+_steps = [0]
 
 
 def doing(text: str) -> None:
@@ -26,7 +29,19 @@ def doing(text: str) -> None:
 
 def activity() -> str:
     """Return what is being done, empty if nobody said."""
+    if _activity[0] and _steps[0] > FEW_STEPS:
+        return f"{_activity[0]}, of about {_steps[0]:,} time steps"
     return _activity[0]
+
+
+def expect_steps(steps: float) -> None:
+    """Say about how many time steps the motion of a needle takes that begins; 0 when it ends."""
+    _steps[0] = round(steps)
+
+
+def expected_steps() -> int:
+    """Return about how many time steps the needle's motion takes, 0 without time steps."""
+    return _steps[0]
 
 
 @contextmanager

@@ -38,6 +38,14 @@ def test_long_work_is_told(
     assert _progress.activity() == "factorising 1,234 unknowns"
 
 
+def test_the_number_of_time_steps_is_announced() -> None:
+    _progress.doing("insertion 1")
+    _progress.expect_steps(2812.4)
+    assert _progress.activity() == "insertion 1, of about 2,812 time steps"
+    _progress.expect_steps(0)
+    assert _progress.activity() == "insertion 1"
+
+
 def test_json_stays_alone_on_standard_output() -> None:
     found = subprocess.run(
         [sys.executable, "-c", QUICK, str(PAPER_CASE)], capture_output=True, text=True, check=True

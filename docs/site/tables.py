@@ -6,7 +6,7 @@ from pathlib import Path
 
 from needlefem.casefile.describe import describe
 from needlefem.cli.describe import describe_commands
-from needlefem.materials.tissue_library import describe_tissues
+from needlefem.materials.catalogue import describe_tissues
 
 DOCS = Path(__file__).parents[1]
 PAGES: dict[str, tuple[str, Callable[[], str]]] = {

@@ -9,7 +9,7 @@ import numpy as np
 from needlefem.alterovitz2003.figures_targets import draw_moved_target, draw_targets_hit
 from needlefem.alterovitz2003.figures_turning import draw_turning
 from needlefem.errors import SimulationError
-from needlefem.io.files import write_text
+from needlefem.io.result_folder import write_text
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, Release
 from needlefem.plotting.plan_figures import draw_depth, draw_height, planner_of

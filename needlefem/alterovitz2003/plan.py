@@ -11,14 +11,12 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem.alterovitz2003.simulation import InTime, NodeSimulation
 from needlefem.errors import CaseError
-from needlefem.insertion.discretised import discretised
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation, Watch
+from needlefem.insertion.simulation import Simulation, Watch, discretised
 from needlefem.insertion.trajectory import TipPoint
-from needlefem.planning.headline import with_headline
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import InsertionReader
-from needlefem.planning.result import Evidence, Plan
+from needlefem.planning.result import Evidence, Plan, with_headline
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 
 SKIPPED = {

@@ -14,7 +14,7 @@ from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation, Stop, Watch
 from needlefem.insertion.state import State
-from needlefem.mesh.entry import Entry
+from needlefem.mesh.surface import Entry
 from needlefem.scene import Scene
 
 CALM = Newmark(beta=0.3025, gamma=0.6)

@@ -14,7 +14,7 @@ from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.entry import Entry
+from needlefem.mesh.surface import Entry
 from needlefem.plotting.svg_charts import Bar, bars
 
 ROUNDS = 15

@@ -9,7 +9,7 @@ from needlefem._toml import dotted_key
 from needlefem.casefile.tables import Table
 from needlefem.errors import CaseError
 from needlefem.materials import LAWS
-from needlefem.materials.tissue_library import library
+from needlefem.materials.catalogue import library
 from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Region, Support
 from needlefem.units import UNITS, dimension_of
 

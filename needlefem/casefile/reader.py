@@ -12,7 +12,7 @@ from needlefem.casefile.tables import Table, required
 from needlefem.errors import CaseError, nearest, short
 from needlefem.geometry.contour import Contour
 from needlefem.materials import Material, law_class, volumetric_split
-from needlefem.materials.tissue_library import tissue_table
+from needlefem.materials.catalogue import tissue_table
 from needlefem.mesh.file import read_mesh
 from needlefem.mesh.generation import group_cells, outline, parts
 from needlefem.scene import BoxMesh, FileMesh, Obstacle, Region, Support

@@ -1,11 +1,133 @@
-"""Errors on finer and finer meshes."""
+"""How accurate an element is with a law: order and size of the error, locking."""
 
+import dataclasses
 import statistics
 import time
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
+from needlefem._arrays import Floats, Points
+from needlefem.checks.mesh_checks import NEARLY_INCOMPRESSIBLE
+from needlefem.checks.models import GENERAL, ISOCHORIC, Manufactured, distorted_mesh, mapped_mesh
 from needlefem.checks.reference_problem import Curve, Quantity
-from needlefem.fem.boundary_value_problem import StaticSolution
+from needlefem.checks.result import CheckResult, outcome
+from needlefem.elements import ElementType
+from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.materials import Isotropic, Material, VolumetricSplit, plane_volumetric_split
+
+LOCKING = 6.0
+"""Error over that of the interpolant beyond which an element is said to lock."""
+ORDER_WITHIN = 0.15
+"""Largest distance of an observed order of convergence from that of theory."""
+FINE = {1: 32, 2: 16}
+"""Divisions of the finer mesh by degree; higher degrees take the last."""
+
+
+def solve_manufactured(
+    element: ElementType,
+    material: Material,
+    field: Manufactured,
+    divisions: int,
+    plane: str = "strain",
+) -> StaticSolution:
+    """Solve on a distorted square, one side of which is pulled, the others held."""
+    law = plane_volumetric_split(material, plane)
+    # the field of an incompressible law keeps its volume, and needs no pressure
+    stiffness = law.shape if law.compressibility == 0.0 else law.stiffness
+    number = np.array([[0, 2], [2, 1]])
+    tangent = stiffness[number[:, :, None, None], number[None, None]]
+
+    def traction(points: Points, normals: Points) -> Floats:
+        found: Floats = np.einsum("ijkl,nkl,nj->ni", tangent, field.gradient(points), normals)
+        return found
+
+    problem = BoundaryValueProblem(
+        distorted_mesh(element, divisions, 0.2), element, material, plane
+    )
+    problem.fix(lambda x: x[:, 0] < 1.0 - 1e-9, field.displacement)
+    problem.apply_traction(traction, lambda x: x[:, 0] > 1.0 - 1e-9)
+    return problem.apply_body_force(field.body_force(stiffness)).solve()
+
+
+def convergence(
+    element: ElementType, material: Material, plane: str, law: VolumetricSplit
+) -> list[CheckResult]:
+    """Refine under a manufactured solution: order and size of the error."""
+    field = ISOCHORIC if law.poissons_ratio > 0.45 else GENERAL
+    theory = np.array([element.degree + 1.0, element.degree])
+    fine = FINE.get(element.degree, FINE[max(FINE)])
+    solved = [solve_manufactured(element, material, field, n, plane) for n in (fine // 2, fine)]
+    accuracy = over_interpolant(solved[-1], field)
+    errors = [_errors(one, field) for one in solved]
+    for count in (2 * fine, 4 * fine):  # the order is that of fine meshes: some need finer ones
+        if np.all(np.abs(np.log2(errors[-2] / errors[-1]) - theory) <= ORDER_WITHIN):
+            break
+        errors.append(_errors(solve_manufactured(element, material, field, count, plane), field))
+    off = np.abs(np.log2(errors[-2] / errors[-1]) - theory)
+    found = [
+        outcome(
+            f"order, {name}",
+            f"the error in {name} falls with power {order:g} of the element size",
+            value,
+            ORDER_WITHIN,
+        )
+        for name, order, value in zip(("L2", "H1"), theory, off, strict=True)
+    ]
+    sentence = f"the error is at most {LOCKING:g} times that of the interpolant"
+    return [*found, outcome("accuracy", sentence, accuracy, LOCKING)]
+
+
+def _errors(solved: StaticSolution, field: Manufactured) -> Floats:
+    return np.array([solved.l2_error(field.displacement), solved.h1_error(field.gradient)])
+
+
+def over_interpolant(solved: StaticSolution, field: Manufactured) -> float:
+    """Return the L2 error of a solution over that of the exact field's interpolant."""
+    nodal = solved.space.dof_vector(field.displacement(solved.space.nodes))
+    least = dataclasses.replace(solved, u=nodal).l2_error(field.displacement)
+    return solved.l2_error(field.displacement) / least
+
+
+def no_locking(element: ElementType) -> CheckResult:
+    """Check that an element does not lock up to the Poisson's ratio that its row declares."""
+    ratio = min(element.poissons_ratio_limit, NEARLY_INCOMPRESSIBLE)
+    material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
+    solved = solve_manufactured(element, material, ISOCHORIC, 16)
+    return outcome(
+        "no locking",
+        f"at its limit, nu {ratio:g}, the error is at most {LOCKING:g} times the interpolant's",
+        over_interpolant(solved, ISOCHORIC),
+        LOCKING,
+    )
+
+
+def two_material_bar(
+    element: ElementType, contrast: float, stress: float = 2.0
+) -> tuple[float, float]:
+    """Return the end's displacement of a pressed bar, one half of which is stiffer, and the exact.
+
+    Uniaxial strain: ``stress (L1 / M1 + L2 / M2)`` with ``M = lambda + 2 mu``.
+    """
+    mesh = mapped_mesh(element, (8, 4), lambda square: square)
+    left = np.flatnonzero(mesh.p[0, mesh.t].mean(axis=0) < 0.5)
+    right = np.setdiff1d(np.arange(mesh.nelements), left)
+    laws = {
+        "left": Isotropic(youngs_modulus=1.0, poissons_ratio=0.3),
+        "right": Isotropic(youngs_modulus=contrast, poissons_ratio=0.3),
+    }
+    named = mesh.with_subdomains({"left": left, "right": right})
+    problem = BoundaryValueProblem(named, element, laws)
+    problem.fix(lambda x: x[:, 0] < 1e-9, axes=[0])
+    problem.fix(lambda x: np.abs(x[:, 1] - 0.5) > 0.5 - 1e-9, axes=[1])
+    problem.apply_traction(lambda _, normals: stress * normals, lambda x: x[:, 0] > 1.0 - 1e-9)
+    moved = float(problem.solve().at(np.array([[1.0, 0.5]]))[0, 0])
+    moduli = [law.lame()[0] + 2.0 * law.lame()[1] for law in laws.values()]
+    return moved, stress * (0.5 / moduli[0] + 0.5 / moduli[1])
+
+
+# Errors on finer and finer meshes.
+
 
 LONG_ENOUGH = 0.03
 """Seconds from which on one timing is taken as it is."""

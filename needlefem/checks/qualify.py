@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.checks import accuracy
-from needlefem.checks import element_material_checks as pair
-from needlefem.checks.element_checks import check_shape
+from needlefem.checks import convergence, element_checks
 from needlefem.checks.material_checks import check_law
 from needlefem.checks.mesh_checks import NEARLY_INCOMPRESSIBLE
 from needlefem.checks.result import CheckResult, outcome
@@ -32,7 +30,7 @@ def check_element_material(
     The checks of the law, of the element's functions, and of both together. When a law or an
     element fails its own, what they do together is not run: it would only repeat the failure.
     """
-    own = (*check_law(material), *check_shape(element))
+    own = (*check_law(material), *element_checks.check_shape(element))
     if not all(check.passed for check in own):
         return own
     return (*own, *_together(element, material, plane))
@@ -46,18 +44,18 @@ def _together(element: ElementType, material: Material, plane: str) -> list[Chec
     if law.compressibility == 0.0:  # what changes its volume needs a volume that can change
         mild = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
     found = [
-        *pair.patches(element, mild, plane, plane_volumetric_split(mild, plane)),
-        *pair.modes(element, mild, plane),
-        *accuracy.convergence(element, material, plane, law),
-        accuracy.no_locking(element),
-        *pair.masses(element, material, plane),
-        pair.bad_cells_refused(element),
+        *element_checks.patches(element, mild, plane, plane_volumetric_split(mild, plane)),
+        *element_checks.modes(element, mild, plane),
+        *convergence.convergence(element, material, plane, law),
+        convergence.no_locking(element),
+        *element_checks.masses(element, material, plane),
+        element_checks.bad_cells_refused(element),
     ]
     if not element.definite:
-        found.append(pair.pressure_stability(element))
+        found.append(element_checks.pressure_stability(element))
     aligned = bool(np.all(np.abs(law.shape[:2, 2]) < 1e-12 * np.abs(law.shape).max()))
     if aligned and law.compressibility > 0.0:
-        found.append(pair.frequencies(element, material, plane))
+        found.append(element_checks.frequencies(element, material, plane))
     return found
 
 

@@ -7,8 +7,7 @@ from needlefem.cli.common import named, say, say_json
 from needlefem.cli.experiments import benchmark, benchmarks, comparison
 from needlefem.cli.installation import machine
 from needlefem.errors import CaseError
-from needlefem.io.files import probe, write_json, write_text
-from needlefem.io.result_folder import held_by
+from needlefem.io.result_folder import held_by, probe, write_json, write_text
 from needlefem.plotting.verification_report import chart_page
 
 

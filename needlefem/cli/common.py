@@ -11,8 +11,7 @@ from needlefem.errors import CaseError, NoRendererError
 from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
-from needlefem.io.files import to_json
-from needlefem.io.result_folder import result_folder
+from needlefem.io.result_folder import result_folder, to_json
 
 if TYPE_CHECKING:
     from needlefem.planning.result import Plan

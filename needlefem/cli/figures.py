@@ -6,7 +6,7 @@ from pathlib import Path
 from needlefem.alterovitz2003.figures import draw_figures
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import named, say, say_json
-from needlefem.io.files import probe
+from needlefem.io.result_folder import probe
 from needlefem.plotting.backend import renderer
 
 

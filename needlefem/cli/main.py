@@ -116,7 +116,7 @@ def _failed(sentence: str, status: int, *, debug: bool) -> int:
     """Say why the command ends early, and leave nothing half written; return the exit status."""
     if debug:
         traceback.print_exc()
-    files = sys.modules.get("needlefem.io.files")
+    files = sys.modules.get("needlefem.io.result_folder")
     if files is not None:
         files.discard_parts()
     streams.tell(f"needlefem: {sentence}")

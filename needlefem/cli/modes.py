@@ -14,8 +14,7 @@ from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.dynamics import TissueSystem, critical_step
 from needlefem.dynamics.modal import modes
 from needlefem.errors import CaseError, NoRendererError
-from needlefem.io.files import write_json
-from needlefem.io.result_folder import ResultFolder
+from needlefem.io.result_folder import ResultFolder, write_json
 from needlefem.io.vtu import write_vtu
 from needlefem.scene import Scene
 from needlefem.scene.build import build_model

@@ -8,7 +8,7 @@ from needlefem._toml import brief, comment
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import say, say_json
 from needlefem.errors import CaseError
-from needlefem.io.files import write_text
+from needlefem.io.result_folder import write_text
 from needlefem.newcase.draft import Draft, case_text, csv_text
 from needlefem.newcase.from_contours import of_contours
 from needlefem.newcase.from_label_map import of_labelmap

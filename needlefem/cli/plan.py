@@ -17,8 +17,8 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.io.expectations import expect_record, judged
-from needlefem.io.files import write_json
 from needlefem.io.records import origin, plan_record
+from needlefem.io.result_folder import write_json
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Evidence, Plan, PlanStatus
 from needlefem.plotting.scanner import scanner_lines, with_scanner

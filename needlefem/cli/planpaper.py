@@ -18,8 +18,8 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys
 from needlefem.errors import CaseError
-from needlefem.io.files import write_json
 from needlefem.io.records import origin, plan_record
+from needlefem.io.result_folder import write_json
 from needlefem.planning.result import PlanStatus
 from needlefem.plotting.scanner import with_scanner
 from needlefem.scene import BoxMesh, Scene

@@ -7,7 +7,7 @@ from needlefem.cli.common import GOOD, named, progress, say, say_json, warn
 from needlefem.cli.ignored import refuse_unused_options
 from needlefem.cli.replay import replay, scene_of
 from needlefem.errors import CaseError, short
-from needlefem.io.files import probe
+from needlefem.io.result_folder import probe
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.images import MOVING, STILLS, require_kind
 from needlefem.plotting.quantities import quantity

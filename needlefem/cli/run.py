@@ -20,15 +20,13 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options, unused_keys
 from needlefem.errors import NoRendererError
-from needlefem.insertion.discretised import Discretised, discretised
 from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.simulation import Discretised, Simulation, discretised
 from needlefem.insertion.trajectory import TipPoint
 from needlefem.insertion.trajectory import TipTrajectory as CutPath
 from needlefem.insertion.validity import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
-from needlefem.io.files import write_json
 from needlefem.io.histories import History, recorded
 from needlefem.io.records import (
     energy_record,
@@ -37,7 +35,7 @@ from needlefem.io.records import (
     released_record,
     seed_record,
 )
-from needlefem.io.result_folder import ResultFolder
+from needlefem.io.result_folder import ResultFolder, write_json
 from needlefem.needle.clearance import passings
 from needlefem.plotting.motion_figures import draw_forces, draw_sticking
 from needlefem.plotting.scanner import scanner_lines, with_scanner

@@ -17,8 +17,7 @@ from needlefem.checks.reference_problem import (
 from needlefem.cli.common import named, say, say_json
 from needlefem.cli.ignored import refuse_unused_options
 from needlefem.errors import CaseError
-from needlefem.io.files import write_json
-from needlefem.io.result_folder import result_folder
+from needlefem.io.result_folder import result_folder, write_json
 from needlefem.plotting.verification_report import record, write_report
 
 

@@ -1,6 +1,5 @@
 """Time: systems, integrators, histories, modes."""
 
-from needlefem.dynamics.damping import Damping
 from needlefem.dynamics.energy import TissueEnergyBalance, kinetic_energy
 from needlefem.dynamics.integrators import (
     HHT,
@@ -14,8 +13,7 @@ from needlefem.dynamics.integrators import (
     integrator_class,
 )
 from needlefem.dynamics.steppers import ImplicitStepper, KinematicState, Stepper, at_rest
-from needlefem.dynamics.system import MatrixSystem, System
-from needlefem.dynamics.tissue_system import TissueSystem
+from needlefem.dynamics.system import Damping, MatrixSystem, System, TissueSystem
 
 __all__ = [
     "HHT",

@@ -3,9 +3,8 @@
 import dataclasses
 
 from needlefem._arrays import Floats
-from needlefem.dynamics.memory import MaxwellUpdate
 from needlefem.dynamics.steppers import AlphaParameters, KinematicState, StaticStepper, Stepper
-from needlefem.dynamics.system import System
+from needlefem.dynamics.system import MaxwellUpdate, System
 
 
 def kinetic_energy(system: System, v: Floats) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from needlefem._arrays import Floats, Sparse
-from needlefem.dynamics.tissue_system import TissueSystem
+from needlefem.dynamics.system import TissueSystem
 
 
 def modes(system: TissueSystem, count: int, near: float = 0.0) -> tuple[Floats, Floats]:

@@ -1,15 +1,129 @@
-"""What is integrated in time: ``M a + C v + K u = f`` on some unknowns."""
+"""Rayleigh damping."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse import csc_array, hstack
+from scipy.sparse import csc_array, diags_array, hstack
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from needlefem._arrays import Floats, Sparse
+from needlefem.errors import CaseError
 from needlefem.fem.factorization import Factor, factorise
+from needlefem.fem.forms import Field
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.materials.relaxation import load_factor, relaxation_factor
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Damping:
+    """Rayleigh damping ``C = mass_rate M + stiffness_time K``, in 1/s and s."""
+
+    mass_rate: float = 0.0
+    stiffness_time: float = 0.0
+
+    @classmethod
+    def from_ratios(
+        cls, frequencies: tuple[float, float], ratios: tuple[float, float]
+    ) -> "Damping":
+        """Return the damping that has two ratios at two frequencies (Hz).
+
+        ``zeta = mass_rate / (2 w) + stiffness_time w / 2`` (Lord Rayleigh 1877).
+        """
+        first, second = (2.0 * np.pi * f for f in frequencies)
+        if not first > 0.0 or first == second:
+            raise CaseError("damping", f"frequencies {frequencies}", "give two different ones")
+        matrix = 0.5 * np.array([[1.0 / first, first], [1.0 / second, second]])
+        rate, time = np.linalg.solve(matrix, np.array(ratios))
+        return cls(mass_rate=float(rate), stiffness_time=float(time))
+
+    def ratio(self, frequency: float) -> float:
+        """Return the share of critical damping at a frequency, Hz."""
+        omega = 2.0 * np.pi * frequency
+        return 0.5 * (self.mass_rate / omega + self.stiffness_time * omega)
+
+
+# Internal variables of viscoelastic tissue over steps of one duration.
+#
+# What a Maxwell branch remembers is a strain, and the strain of a displacement of its own: the
+# branches with one relaxation time need one vector of unknowns between them, not numbers at every
+# quadrature point.
+
+
+class MaxwellUpdate:
+    """Branches of a system, ready for one step.
+
+    Parameters
+    ----------
+    branches : sequence of (float, sparse matrix)
+        Relaxation times, s, and stiffnesses on the unknowns.
+    step : float, s
+
+    Attributes
+    ----------
+    gains : list of float
+        Share of every branch's stiffness in the step's operator.
+    """
+
+    def __init__(self, branches: Sequence[tuple[float, Sparse]], step: float) -> None:
+        self._stiffness = [stiffness for _, stiffness in branches]
+        self._decays = [relaxation_factor(step, time) for time, _ in branches]
+        self.gains = [load_factor(step, time) for time, _ in branches]
+
+    def __bool__(self) -> bool:
+        """Whether there is anything to remember."""
+        return bool(self.gains)
+
+    def carried(self, parts: Floats, u: Floats, before: float = 0.0) -> Floats:
+        """Return the branches' force in a step, without what the new displacement adds.
+
+        Weighted by `before` at the step's start and the rest at its end; shape (n,), N.
+        """
+        total = np.zeros_like(u)
+        for part, stiffness, left, kept in zip(
+            parts, self._stiffness, self._decays, self.gains, strict=True
+        ):
+            ends = (1.0 - before) * (left * part - kept * u)
+            total += stiffness @ (ends + before * part if before else ends)
+        return total
+
+    def force(self, parts: Floats) -> Floats:
+        """Return the branches' force, shape (n,), N."""
+        total = np.zeros(parts.shape[1])
+        for part, stiffness in zip(parts, self._stiffness, strict=True):
+            total += stiffness @ part
+        return total
+
+    def advance(self, parts: Floats, change: Floats) -> Floats:
+        """Return the branches' displacements after a step in which `u` changed."""
+        pairs = zip(parts, self._decays, self.gains, strict=True)
+        return np.array([left * part + kept * change for part, left, kept in pairs])
+
+    def energy(self, parts: Floats) -> float:
+        """Return the energy stored in the branches, J."""
+        pairs = zip(parts, self._stiffness, strict=True)
+        return 0.5 * float(sum(part @ (stiffness @ part) for part, stiffness in pairs))
+
+    def lost(self, before: Floats, after: Floats, *, at_once: bool = False) -> float:
+        """Return what the dashpots take in a step, J.
+
+        Mean force times change of displacement, less the change of energy, from both ends'
+        displacements alone; for short steps ``step / T`` times twice the mean energy. `at_once`
+        is a change from one end of the same step to another, in which nothing decays.
+        """
+        total = 0.0
+        zipped = zip(before, after, self._stiffness, self._decays, self.gains, strict=True)
+        for old, new, stiffness, decayed, kept in zipped:
+            left = 1.0 if at_once else decayed
+            slipped = (1.0 / kept - 1.0) * new + (1.0 - left / kept) * old
+            total += 0.5 * float((old + new) @ (stiffness @ slipped))
+        return total
+
+
+# What is integrated in time: ``M a + C v + K u = f`` on some unknowns.
+
 
 Operator = Callable[[Floats], Floats]
 """Makes a force, shape (n,), of vectors, shape (k, n)."""
@@ -171,3 +285,122 @@ def largest(system: System, mass: Sparse) -> float:
         stiffness, 1, mass, Minv=solve, which="LM", v0=start, tol=1e-10, return_eigenvectors=False
     )
     return float(np.sqrt(square[0]))
+
+
+# A tissue as a system to integrate in time.
+
+
+class TissueSystem:
+    """The free dofs of a tissue; see `System`.
+
+    Parameters
+    ----------
+    model : TissueModel
+    damping : Damping
+    lumping : str, optional
+        A lumping that the element admits; consistent mass when left out.
+
+    Raises
+    ------
+    CaseError
+        The tissue has no mass somewhere.
+    """
+
+    def __init__(
+        self, model: TissueModel, damping: Damping | None = None, lumping: str | None = None
+    ) -> None:
+        if model.density.min() <= 0.0:
+            remedy = "give every material a density, or simulate quasi-statically"
+            raise CaseError("materials", "a material without density has no dynamics", remedy)
+        self.model, self.rayleigh = model, damping or Damping()
+        self.damped = self.rayleigh != Damping()
+        self.size = len(model.free_dofs)
+        whole: Sparse = model.mass
+        if lumping is not None:
+            whole = diags_array(model.lumped_mass(lumping)).tocsr()
+        self._whole = whole
+        self.mass: Sparse = model.free_block(whole.tocsr())
+        self._stiffness: Sparse = model.free_block(model.stiffness.matrix.tocsr())
+        self.branches = tuple((t, model.free_block(k.tocsr())) for t, k in model.branches)
+
+    def mass_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        found: Floats = self.mass @ x
+        return found
+
+    def stiffness_times(self, x: Floats) -> Floats:
+        """See `System`."""
+        if self.model.element.definite:
+            found: Floats = self._stiffness @ x
+            return found
+        forces: Floats = self.model.stiffness.force(self._on_all(x))[self.model.free_dofs]
+        return forces
+
+    def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
+        """See `System`."""
+        if v is not None:
+            a = _sum(a, self.rayleigh.mass_rate, v)
+            u = _sum(u, self.rayleigh.stiffness_time, v)
+        if a is None:
+            return np.zeros(self.size) if u is None else self.stiffness_times(u)
+        found = self.mass_times(a)
+        return found if u is None else found + self.stiffness_times(u)
+
+    def operator(self, coefficients: Floats) -> Operator:
+        """See `System`."""
+        rate, time = self.rayleigh.mass_rate, self.rayleigh.stiffness_time
+        rows = np.array([[1.0, rate, 0.0], [0.0, time, 1.0]]) @ coefficients
+        if self.model.element.definite:
+            return joined((self.mass, self._stiffness), rows)
+        inertia, elastic = joined((self.mass,), rows[:1]), rows[1]
+        if not elastic.any():
+            return inertia
+        return lambda vectors: inertia(vectors) + self.stiffness_times(elastic @ vectors)
+
+    def factor(
+        self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
+    ) -> Factor:
+        """See `System`."""
+        inertia = mass + damping * self.rayleigh.mass_rate
+        elastic = stiffness + damping * self.rayleigh.stiffness_time
+        if elastic == 0.0:
+            return factorise(inertia * self.mass)
+        added = inertia * self._whole + weighted(self.model.branches, shares)
+        return self.model.stiffness.factor(self.model.free_dofs, elastic, added)
+
+    def strain_energy(self, u: Floats) -> float:
+        """See `System`."""
+        return float(self.model.stiffness.energy(self._on_all(u)[:, None])[0])
+
+    def unknowns(self, field: Field) -> Floats:
+        """Return a vector field at the free nodes, shape (size,): an initial condition, say."""
+        return self.model.dof_vector(field(self.model.nodes))[self.model.free_dofs]
+
+    def body_force(self, field: Field) -> Floats:
+        """Return the load of a force per volume, N/m^3, shape (size,)."""
+        return self.model.body_load(field)[self.model.free_dofs]
+
+    def traction(self, face: str, field: Field) -> Floats:
+        """Return the load of a traction, Pa, on a named face, shape (size,)."""
+        return self.model.face_load(face, field)[self.model.free_dofs]
+
+    def nodal(self, x: Floats) -> Floats:
+        """Return unknowns as a nodal field, shape (nnodes, dim); zero where the tissue is held."""
+        return self.model.nodal(self._on_all(x))
+
+    def _on_all(self, x: Floats) -> Floats:
+        whole = np.zeros(self.model.ndofs)
+        whole[self.model.free_dofs] = x
+        return whole
+
+    @cached_property
+    def largest_frequency(self) -> float:
+        """See `System`."""
+        return largest(self, self.mass)
+
+
+def _sum(one: Floats | None, factor: float, other: Floats) -> Floats | None:
+    """Return ``one + factor other``, where None is zero."""
+    if not factor:
+        return one
+    return factor * other if one is None else one + factor * other

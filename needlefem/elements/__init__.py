@@ -1,6 +1,12 @@
 """Elements; scikit-fem is met here and in `fem` only."""
 
-from needlefem.elements.catalogue import CATALOGUE, element_row
-from needlefem.elements.element_type import BBAR, DISPLACEMENT, MIXED, ElementType
+from needlefem.elements.catalogue import (
+    BBAR,
+    CATALOGUE,
+    DISPLACEMENT,
+    MIXED,
+    ElementType,
+    element_row,
+)
 
 __all__ = ["BBAR", "CATALOGUE", "DISPLACEMENT", "MIXED", "ElementType", "element_row"]

@@ -1,12 +1,119 @@
-"""The element catalogue: one row an element, chosen by name."""
+"""What the package must know of an element."""
 
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
 import skfem
+from skfem.element.element_h1 import ElementH1
+from skfem.refdom import RefTri
 
 from needlefem import _plugin
-from needlefem.elements.element_type import BBAR, MIXED, ElementType
-from needlefem.elements.mini import TriangleBubble
-from needlefem.elements.quadrature import gauss, simplex
+from needlefem._arrays import Floats
+from needlefem.elements.shape_functions import Rule, gauss, simplex
 from needlefem.errors import CaseError, matching, nearest, short
+
+DISPLACEMENT, BBAR, MIXED = "plain", "mean", "pressure"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ElementType:
+    """One row of the catalogue.
+
+    Parameters
+    ----------
+    name : str
+        The word used in a case.
+    cell : str
+        Shape of the cells of its meshes: triangle, quadrilateral, tetrahedron or hexahedron.
+    make : callable
+        Returns the scalar scikit-fem element of a displacement component. Its shape functions
+        are nodal: each is 1 at its own node and 0 at the others.
+    degree : int
+        Complete polynomial degree, the order of convergence of the strain.
+    stiffness_rule, mass_rule : callable
+        Return the quadratures of K and M on the reference cell.
+    lumpings : tuple of str
+        Mass lumpings that give positive masses with the right total.
+    poissons_ratio_limit : float
+        Above it the element locks: the scene is warned.
+    stress_limit : float
+        Poisson's ratio above which its stress may not be read.
+    volume : str
+        How a change of volume is resisted: ``"plain"`` at every quadrature point, ``"mean"`` by
+        its mean over the cell (B-bar), ``"pressure"`` through a pressure of its own (mixed).
+    volume_rule : callable, optional
+        Quadrature of the volumetric part of a ``"mean"`` element: one point.
+    pressure : callable, optional
+        Returns the scikit-fem element of the pressure of a mixed element.
+    """
+
+    name: str
+    cell: str
+    make: Callable[[], Any]
+    degree: int
+    stiffness_rule: Rule
+    mass_rule: Rule
+    lumpings: tuple[str, ...]
+    poissons_ratio_limit: float
+    stress_limit: float = 0.49
+    volume: str = DISPLACEMENT
+    volume_rule: Rule | None = None
+    pressure: Callable[[], Any] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.volume == BBAR) != (self.volume_rule is not None):
+            remedy = "give it with volume='mean', and only then"
+            raise CaseError(f"element {self.name}", "volume_rule and volume disagree", remedy)
+        if (self.volume == MIXED) != (self.pressure is not None):
+            remedy = "give it with volume='pressure', and only then"
+            raise CaseError(f"element {self.name}", "pressure and volume disagree", remedy)
+
+    @property
+    def definite(self) -> bool:
+        """Whether its matrices are positive definite; those of mixed elements are not."""
+        return self.volume != MIXED
+
+    @property
+    def nodes(self) -> Floats:
+        """Places of the nodes in the reference cell, shape (n, dim)."""
+        places: Floats = self.make().doflocs
+        return places
+
+
+# The MINI element's displacement (D. N. Arnold, F. Brezzi, M. Fortin 1984), nodal.
+
+
+class TriangleBubble(ElementH1):  # type: ignore[misc]  # scikit-fem ships no types
+    """Linear triangle with a cubic bubble.
+
+    scikit-fem's own has the bubble on top of the linear functions, so that a field's value in
+    the middle is no degree of freedom. Here it is: every function vanishes at the others' nodes.
+    """
+
+    nodal_dofs = 1
+    interior_dofs = 1
+    maxdeg = 3
+    dofnames = ("u", "u")
+    doflocs = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0 / 3.0, 1.0 / 3.0]])
+    refdom = RefTri
+
+    def lbasis(self, X: Any, i: int) -> tuple[Floats, Floats]:  # noqa: N803  (scikit-fem's name)
+        """Return shape function `i` and its gradient at reference points."""
+        x, y = X
+        bubble = 27.0 * x * y * (1.0 - x - y)
+        slope = 27.0 * np.stack([y * (1.0 - 2.0 * x - y), x * (1.0 - x - 2.0 * y)])
+        if i == 3:
+            return bubble, slope
+        linear = (1.0 - x - y, x, y)[i]
+        gradient = np.array([[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]][i])
+        shape = (2, *[1] * x.ndim)
+        return linear - bubble / 3.0, gradient.reshape(shape) - slope / 3.0
+
+
+# The element catalogue: one row an element, chosen by name.
+
 
 _ROWS = (
     ElementType(

@@ -10,8 +10,8 @@ from needlefem.elements import ElementType
 from needlefem.fem import forms
 from needlefem.fem.forms import Field
 from needlefem.fem.function_space import FunctionSpace
+from needlefem.fem.recovery import stresses
 from needlefem.fem.stiffness import Stiffness
-from needlefem.fem.stress import stresses
 from needlefem.materials import Material, plane_volumetric_split, volumetric_split
 
 Where = Callable[[Points], Bools] | None

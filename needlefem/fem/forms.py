@@ -11,7 +11,7 @@ from skfem.mapping import MappingAffine, MappingIsoparametric
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementType
-from needlefem.elements.quadrature import Rule
+from needlefem.elements.shape_functions import Rule
 from needlefem.errors import CaseError
 
 Field = Callable[[Points], Floats]

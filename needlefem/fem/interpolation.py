@@ -9,8 +9,7 @@ from needlefem._arrays import Floats, Ints, Points, SkfemMesh
 from needlefem._pickling import Lasting
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
-from needlefem.mesh.cell_location import Locator
-from needlefem.mesh.cell_map import Inverse
+from needlefem.mesh.cell_map import Inverse, Locator
 from needlefem.mesh.surface import Surface
 
 

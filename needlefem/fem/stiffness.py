@@ -1,9 +1,7 @@
-"""The stiffness of a discretised tissue, with or without a pressure of its own.
+"""The pressure of a mixed element: continuous in a material, with a jump between two.
 
-A mixed element has ``K = A + B' inv(C) B``: A resists a change of shape, B is the volume gained,
-C the compressibility of the pressure's functions. K itself is full, so that the system
-``[[A, B'], [B, -C]]`` is solved instead, which exists for incompressible tissue as well
-(C = 0). All others see K alone.
+Where two laws meet the strain jumps, and with it the pressure: functions continuous across the
+interface would smear it.
 """
 
 from collections.abc import Sequence
@@ -11,18 +9,78 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_array
+from scipy.sparse import block_array, vstack
 
-from needlefem._arrays import Floats, Ints, Sparse
+from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem._pickling import lasting_state
-from needlefem.elements import BBAR, DISPLACEMENT
+from needlefem.elements import BBAR, DISPLACEMENT, ElementType
+from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem import forms
 from needlefem.fem.factorization import Factor, factorise
 from needlefem.fem.function_space import FunctionSpace
-from needlefem.fem.pressures import Pressures
 from needlefem.materials import VolumetricSplit
 from needlefem.materials.voigt import volumetric
+
+
+class Pressures:
+    """Pressures of a mixed element, numbered material by material.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+    element : ElementType
+        A mixed one.
+    owner : array, shape (ncells,)
+        The law of every cell.
+    """
+
+    def __init__(self, mesh: SkfemMesh, element: ElementType, owner: Ints) -> None:
+        self._element = element
+        self._basis = forms.pressure_basis(mesh, element)
+        self._parts = [np.flatnonzero(owner == number) for number in range(int(owner.max()) + 1)]
+        self._parts = [cells for cells in self._parts if cells.size]
+        self._used = [np.unique(self._basis.element_dofs[:, cells]) for cells in self._parts]
+        starts = np.cumsum([0, *(len(used) for used in self._used)])
+        self.count = int(starts[-1])
+        self.cell_dofs: Ints = np.empty_like(self._basis.element_dofs, dtype=np.intp)
+        for cells, used, start in zip(self._parts, self._used, starts[:-1], strict=True):
+            local = np.searchsorted(used, self._basis.element_dofs[:, cells])
+            self.cell_dofs[:, cells] = start + local
+
+    def coupling(self, basis: Any) -> Sparse:
+        """Return B, shape (count, ndofs), on the displacement's basis."""
+        rows = []
+        for cells, used in zip(self._parts, self._used, strict=True):
+            whole = forms.coupling(basis.with_elements(cells), self._basis.with_elements(cells))
+            rows.append(whole.tocsr()[used])
+        return vstack(rows).tocsr()
+
+    def mass(self, weight: Floats) -> Sparse:
+        """Return the mass matrix weighted by one number a cell, shape (count, count)."""
+        blocks = []
+        for cells, used in zip(self._parts, self._used, strict=True):
+            whole = forms.pressure_mass(self._basis.with_elements(cells), weight[cells])
+            blocks.append(whole.tocsr()[used][:, used])
+        n = len(blocks)
+        diagonal = [[blocks[i] if i == j else None for j in range(n)] for i in range(n)]
+        return block_array(diagonal).tocsr()
+
+    def at(self, dofs: Floats, reference: Points) -> Floats:
+        """Return pressures at reference points (n, dim) of every cell, shape (ncells, n)."""
+        if self._element.pressure is None:  # `pressure_basis` has refused it already
+            raise TypeError
+        shape = shape_table(self._element.pressure)(reference)
+        found: Floats = np.einsum("kc,nk->cn", dofs[self.cell_dofs], shape)
+        return found
+
+
+# The stiffness of a discretised tissue, with or without a pressure of its own.
+#
+# A mixed element has ``K = A + B' inv(C) B``: A resists a change of shape, B is the volume gained,
+# C the compressibility of the pressure's functions. K itself is full, so that the system
+# ``[[A, B'], [B, -C]]`` is solved instead, which exists for incompressible tissue as well
+# (C = 0). All others see K alone.
 
 
 class Stiffness:

@@ -1,19 +1,21 @@
-"""The discretised tissue: a semi-discrete system on a scikit-fem mesh."""
+"""Supports: displacement components that are held at zero on faces and in regions."""
 
+import dataclasses
 from collections.abc import Mapping
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, SkfemMesh, Sparse
+from needlefem._parameter import parameter
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
-from needlefem.errors import CaseError
+from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import forms
 from needlefem.fem.factorization import Factor
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.stiffness import Stiffness
-from needlefem.fem.supports import Support, supported_dofs
 from needlefem.materials import (
     Material,
     VolumetricSplit,
@@ -22,6 +24,58 @@ from needlefem.materials import (
     volumetric_split,
 )
 from needlefem.mesh.cell_map import cell_measures
+from needlefem.validation import Validated
+
+if TYPE_CHECKING:
+    from needlefem.fem.function_space import FunctionSpace
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Support(Validated):
+    """Faces and regions in which displacement components are held at zero."""
+
+    TABLE = "supports.NAME"
+
+    faces: tuple[str, ...] = parameter("Named faces of the mesh", default=())
+    regions: tuple[str, ...] = parameter("Regions held as a whole, such as bone", default=())
+    fixed: tuple[str, ...] = parameter(
+        "Axes whose displacement is held; all when left out", default=()
+    )
+
+
+def supported_dofs(
+    space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
+) -> Ints:
+    """Return the dofs that supports hold, rising.
+
+    Parameters
+    ----------
+    space : FunctionSpace
+    supports : mapping
+        By their names in the case.
+    axes : tuple of str
+        Names of the axes.
+
+    Raises
+    ------
+    CaseError
+        A face or axis that doesn't exist.
+    """
+    held = [np.zeros(0, dtype=np.intp)]
+    for name, support in supports.items():
+        for axis in set(support.fixed) - set(axes):
+            raise CaseError(f"supports.{name}.fixed", f"no axis {short(axis)}", nearest(axis, axes))
+        components = [axes.index(axis) for axis in support.fixed or axes]
+        for region in support.regions:
+            nodes = np.unique(space.cell_nodes[space.mesh.subdomains[region]])
+            held.append(space.node_dofs[nodes][:, components].ravel())
+        for face in support.faces:
+            facets = space.face(face, f"supports.{name}.faces")
+            held.append(space.dofs_on(facets, components))
+    return np.unique(np.concatenate(held))
+
+
+# The discretised tissue: a semi-discrete system on a scikit-fem mesh.
 
 
 class TissueModel(FunctionSpace):

@@ -15,11 +15,11 @@ from needlefem.geometry.image_frame import Voxels
 from needlefem.image.metaimage import read_metaimage
 from needlefem.image.nifti import GZIP, read_nifti
 from needlefem.image.nrrd import MAGIC, read_nrrd
-from needlefem.image.otherformats import read_other
 from needlefem.image.volume import (
     Volume,
     check_geometry,
     file_bytes,
+    read_other,
     refusal,
     whole,
 )

@@ -1,8 +1,4 @@
-"""One run of a motion: marched as far as a march goes, and stepped from there on.
-
-A monotone insertion in elastic tissue needs no time steps. Where its assumptions end (a shaft
-point stops slipping, the needle rests or turns back) stepping takes over, from the same path.
-"""
+"""From a march to stepping: the same path, forces and displacement, seen by the other."""
 
 import dataclasses
 import itertools
@@ -14,20 +10,62 @@ import numpy as np
 
 from needlefem.contact.functionals import ContactSegment
 from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.energy_balance import energy_terms, released
 from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.motion_schedule import motion_stages, time_steps
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
-from needlefem.insertion.state import State
+from needlefem.insertion.state import ContactField, State
 from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
 from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Motion, Scene
 from needlefem.scene.limits import check_steps
 
-if TYPE_CHECKING:  # a march does without time steps and what sticks in them
+if TYPE_CHECKING:
     from needlefem.contact.friction import SlipWeakeningFriction
     from needlefem.insertion.time_stepping import TimeStepping
+
+
+def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State, ContactField]:
+    """Return the last state of a march and its field; its path becomes the track's.
+
+    Parameters
+    ----------
+    march : PathFollowing
+        Has cut the skin.
+    track : CutPath
+        Empty.
+    speed : float, m/s
+        Of the needle on the march.
+    """
+    contact, state = march.contact, march.states[-1]
+    limits = contact.axial
+    for number, later in enumerate(march.states[2:], 1):
+        track.crack_front = later.tip
+        track.extend(float(limits[number]))
+    track.friction_force[: len(limits)] = limits
+    here = track.instrument.tip(state.tip)
+    trial = contact.trial(here)
+    path = np.column_stack([state.friction_force, state.lateral_force]).ravel()
+    field = ContactField(contact, path, trial, np.append(state.tip_force, state.tip_lateral))
+    now = dataclasses.replace(
+        state,
+        time=state.depth / speed,
+        inserted_length=track.length,
+        slipping=np.ones(len(limits), dtype=int),
+        tip_displacement=float(field.means(here)[0, 0]),
+        tip_nodes=here.nodes,
+        tip_weights=here.rows[0],
+    )
+    return now, field
+
+
+# One run of a motion: marched as far as a march goes, and stepped from there on.
+#
+# A monotone insertion in elastic tissue needs no time steps. Where its assumptions end (a shaft
+# point stops slipping, the needle rests or turns back) stepping takes over, from the same path.
+
 
 STEPS_A_PIECE = 2.0
 """Steps in which the needle travels the length of a piece of its path, or that over which
@@ -81,6 +119,8 @@ class InsertionRun:
         self._told = 0
         self._marched_events: list[Event] = []
         self._kept: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self.expected_steps = 0.0
+        """Number of time steps, about; 0 for path following alone."""
         if not (self._marches and self._alone):
             self._check_steps()
 
@@ -196,7 +236,8 @@ class InsertionRun:
             key, remedy = "discretisation.time_step", "a longer step or a shorter motion"
         else:
             key, remedy = "discretisation.path_spacing", "a longer spacing"
-        check_steps(max(time / wanted, travel / longest), key, remedy, self.scene.limits)
+        self.expected_steps = max(time / wanted, travel / longest)
+        check_steps(self.expected_steps, key, remedy, self.scene.limits)
 
     def _marched_result(self) -> Insertion:
         assert self.march is not None

@@ -22,9 +22,8 @@ from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.guide import WarmStart
-from needlefem.insertion.moments import state_at_entry
 from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Rupture, Status
-from needlefem.insertion.state import State
+from needlefem.insertion.state import State, state_at_entry
 from needlefem.insertion.tip_solver import (
     MOST_ITERATIONS,
     ROUND_OFF,

@@ -12,18 +12,24 @@ from needlefem.contact.functionals import ContactSegment, ContactTrial
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.account import EnergyBalance, EnergyIncrement
 from needlefem.insertion.cut_path import CutPath
+from needlefem.insertion.energy_balance import EnergyBalance, EnergyIncrement
 from needlefem.insertion.events import EventLog
-from needlefem.insertion.fields import load
-from needlefem.insertion.handover import hand_over
-from needlefem.insertion.moments import extend, outside_state, state_from_trial
+from needlefem.insertion.insertion_run import hand_over
 from needlefem.insertion.path_following import PathFollowing
-from needlefem.insertion.recent import LeastRecentlyUsed
+from needlefem.insertion.response_in_time import LeastRecentlyUsed
 from needlefem.insertion.result import EnergyTerms, LeftTissueError
-from needlefem.insertion.state import State, TipPhase
+from needlefem.insertion.state import (
+    ContactField,
+    State,
+    TipPhase,
+    ZeroField,
+    extend,
+    load,
+    outside_state,
+    state_from_trial,
+)
 from needlefem.insertion.step_equations import Field, StepEquations
-from needlefem.insertion.stepfield import ContactField, ZeroField
 from needlefem.insertion.tip_phase import TipTrial
 from needlefem.insertion.tissue_response import TissueResponse
 from needlefem.mesh.surface import TipWatch

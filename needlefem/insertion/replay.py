@@ -15,11 +15,9 @@ from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.steppers import StaticStepper, at_rest
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import LinearFunctionals
-from needlefem.insertion.fields import load
-from needlefem.insertion.inertia import dynamic_response
-from needlefem.insertion.recent import LeastRecentlyUsed
+from needlefem.insertion.response_in_time import LeastRecentlyUsed, dynamic_response
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.state import State
+from needlefem.insertion.state import State, load
 from needlefem.scene.discretization import DYNAMIC
 
 Steps = Iterator[tuple[float, Floats]]

@@ -12,7 +12,7 @@ from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.state import State
-from needlefem.mesh.entry import place_text
+from needlefem.mesh.surface import place_text
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Scene

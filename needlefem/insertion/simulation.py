@@ -9,13 +9,11 @@ import numpy as np
 
 from needlefem._arrays import Floats, Vector
 from needlefem._pickling import lasting_state
-from needlefem._progress import doing
-from needlefem.checks.insertion_checks import needle_resolution
-from needlefem.checks.mesh_checks import preflight
+from needlefem._progress import doing, expect_steps
+from needlefem.checks.mesh_checks import needle_resolution, preflight, sizes_along
 from needlefem.checks.result import CheckResult, refuse_failed
 from needlefem.errors import CaseError
-from needlefem.fem.compliance import ComplianceOperator
-from needlefem.fem.condensation import Corridor
+from needlefem.fem.compliance import ComplianceOperator, Corridor
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.insertion_run import InsertionRun
@@ -30,8 +28,8 @@ from needlefem.insertion.tissue_response import (
 )
 from needlefem.materials import branches_of
 from needlefem.materials.linearity import refuse_nonlinear
-from needlefem.mesh.entry import Entry, check_entry, entry_along, entry_at
-from needlefem.mesh.generation import BACKGROUND
+from needlefem.mesh.generation import BACKGROUND, cell_sizes
+from needlefem.mesh.surface import Entry, check_entry, entry_along, entry_at
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.needle.tip_kernel import Kernel, PointKernel, TipKernel, cross_section
@@ -40,9 +38,10 @@ from needlefem.scene.build import build_model
 from needlefem.scene.limits import check_scene
 from needlefem.scene.resolve import Resolved, resolve, stick_warnings
 
-if TYPE_CHECKING:  # a march does without what sticks in time steps
+if TYPE_CHECKING:
     from needlefem.contact.friction import SlipWeakeningFriction
     from needlefem.insertion.sticking import Sticking
+
 
 Stop = Callable[[State], bool]
 """Says after every state whether the insertion may end."""
@@ -341,11 +340,11 @@ class Simulation:
     def _tissue_response(self) -> TissueResponse:
         """Return the tissue in time; what has inertia or a memory is imported with it."""
         if self.scene.discretisation.integrator in DYNAMIC:
-            from needlefem.insertion.inertia import dynamic_response  # noqa: PLC0415
+            from needlefem.insertion.response_in_time import dynamic_response  # noqa: PLC0415
 
             return dynamic_response(self.scene, self.model, self._expected_loads())
         if self._memory:
-            from needlefem.insertion.viscous import ViscoelasticResponse  # noqa: PLC0415
+            from needlefem.insertion.response_in_time import ViscoelasticResponse  # noqa: PLC0415
 
             return ViscoelasticResponse(self.model, self._expected_loads())
         return ElasticResponse(self.responses)
@@ -353,6 +352,7 @@ class Simulation:
     def _run(self, course: InsertionRun, stop: Stop | None) -> Insertion:
         states = []
         doing(f"insertion {self.insertions + 1}")
+        expect_steps(course.expected_steps)
         for state in course.iterate():
             states.append(state)
             if self._watch is not None:
@@ -360,6 +360,7 @@ class Simulation:
             if stop is not None and stop(state):
                 break
         self.insertions += 1
+        expect_steps(0)
         return course.result(tuple(states))
 
 
@@ -368,3 +369,66 @@ def simulate(scene: Scene) -> Insertion:
     simulation = Simulation(scene, expected_insertions=1)
     simulation.check()
     return simulation.move(simulation.entry_of_case())
+
+
+# What a simulation is computed on: element, mesh sizes, unknowns, path spacing.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Discretised:
+    """A discretisation in the numbers that say how fine it is.
+
+    Parameters
+    ----------
+    element : str
+    cells, unknowns : int
+    smallest_cell, largest_cell : float, m
+        Side of a square, or leg of a right isosceles triangle, of a cell's area.
+    cells_along_needle : float or None, m
+        Size of the largest cell on the needle's line; None if it meets none.
+    path_spacing : float, m
+    kernel_points : int
+        Quadrature points of the tip's kernel.
+    integrator : str
+    """
+
+    element: str
+    cells: int
+    unknowns: int
+    smallest_cell: float
+    largest_cell: float
+    cells_along_needle: float | None
+    path_spacing: float
+    kernel_points: int
+    integrator: str
+
+    def __str__(self) -> str:
+        sizes = f"{1e3 * self.smallest_cell:.3g} mm"
+        largest = f"{1e3 * self.largest_cell:.3g} mm"
+        if largest != sizes:
+            sizes = f"{sizes} to {largest}"
+        along = ""
+        if self.cells_along_needle is not None:
+            along = f" ({1e3 * self.cells_along_needle:.3g} mm along the needle)"
+        return (
+            f"{self.element}, {self.unknowns} unknowns, {self.cells} cells of "
+            f"{sizes}{along}, "
+            f"path spacing {1e3 * self.path_spacing:.3g} mm"
+        )
+
+
+def discretised(simulation: Simulation, entry: Entry) -> Discretised:
+    """Return how fine a simulation's discretisation is, along a needle too."""
+    model, numbers = simulation.model, simulation.scene.discretisation
+    sizes, along = cell_sizes(model.mesh), sizes_along(simulation, entry)
+    return Discretised(
+        element=model.element.name,
+        cells=model.mesh.nelements,
+        unknowns=len(model.free_dofs),
+        smallest_cell=float(np.min(sizes)),
+        largest_cell=float(np.max(sizes)),
+        cells_along_needle=float(along.max()) if along.size else None,
+        path_spacing=numbers.path_spacing,
+        kernel_points=numbers.kernel_points,
+        integrator=numbers.integrator,
+    )

@@ -17,19 +17,22 @@ from needlefem.contact.functionals import ContactSegment
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.account import EnergyBalance
-from needlefem.insertion.events import EventLog
-from needlefem.insertion.growth import advance_at_fixed_depth, find_arrest, segment_target
-from needlefem.insertion.moments import check_stick_resolution, loading_state
+from needlefem.insertion.energy_balance import EnergyBalance
+from needlefem.insertion.events import EventLog, crossing_of_uncut_skin, crossing_on_path
 from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.progress import Progress, StepResult
 from needlefem.insertion.result import EnergyTerms, LeftTissueError, Outcome, Rupture, Status
-from needlefem.insertion.skin import press_skin
-from needlefem.insertion.skincrossing import crossing_of_uncut_skin, crossing_on_path
-from needlefem.insertion.state import State, TipPhase
+from needlefem.insertion.state import State, TipPhase, check_stick_resolution, loading_state
 from needlefem.insertion.step_equations import StepEquations, StepSolution
-from needlefem.insertion.tip_phase import TipTrial, first_event, limit_to_segment, trial_step
+from needlefem.insertion.tip_advance import advance_at_fixed_depth, find_arrest, segment_target
+from needlefem.insertion.tip_phase import (
+    TipTrial,
+    first_event,
+    limit_to_segment,
+    press_skin,
+    trial_step,
+)
 from needlefem.insertion.tissue_response import TissueResponse
 from needlefem.needle.needle_interface import NeedleInterface
 

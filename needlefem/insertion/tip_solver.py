@@ -11,7 +11,7 @@ from needlefem.contact.condensed_contact import CondensedContact
 from needlefem.contact.functionals import ContactTrial
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.guide import LastStep, WarmStart
-from needlefem.mesh.entry import place_text
+from needlefem.mesh.surface import place_text
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.needle_interface import NeedleInterface
 

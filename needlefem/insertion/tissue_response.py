@@ -7,8 +7,14 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Vector
 from needlefem.contact.functionals import ContactSegment
-from needlefem.fem.compliance import CachedCompliance, ComplianceOperator, DirectCompliance
-from needlefem.fem.condensation import CondensedCorridor, Corridor, coupled_equations
+from needlefem.fem.compliance import (
+    CachedCompliance,
+    ComplianceOperator,
+    CondensedCorridor,
+    Corridor,
+    DirectCompliance,
+    coupled_equations,
+)
 from needlefem.fem.factorization import Factor
 from needlefem.fem.tissue_model import TissueModel
 

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import displacements
 
 LARGE_STRAIN = 0.3
 """Principal strain outside the kernel up to which small strain is trusted, where no case says."""

@@ -12,8 +12,7 @@ from needlefem._arrays import Floats
 from needlefem.insertion.insertion_run import InsertionRun
 from needlefem.insertion.result import Event
 from needlefem.insertion.state import State
-from needlefem.io.files import whole_file
-from needlefem.io.result_folder import result_folder
+from needlefem.io.result_folder import result_folder, whole_file
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,7 @@ from needlefem.checks.result import CheckResult
 from needlefem.insertion.result import EnergyTerms, Insertion, Seed, Status
 from needlefem.insertion.trajectory import TipPoint
 from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.planning.headline import Headline, headline
-from needlefem.planning.result import BlockedRelease, Evidence, Plan, Release
+from needlefem.planning.result import BlockedRelease, Evidence, Headline, Plan, Release, headline
 from needlefem.planning.search import SearchResult
 from needlefem.scene import Scene
 from needlefem.scene.meshing import Coordinates

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from needlefem.materials.base import Material, MaterialResponse
 from needlefem.materials.catalogue import LAWS, law_class
-from needlefem.materials.isotropic import Isotropic
-from needlefem.materials.linear_elastic import LinearElastic
+from needlefem.materials.linear_elastic import Isotropic, LinearElastic
 from needlefem.materials.relaxation import Branch, branches_of
 from needlefem.materials.volumetric_split import (
     VolumetricSplit,

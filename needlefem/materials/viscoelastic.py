@@ -8,7 +8,7 @@ from needlefem._arrays import Floats
 from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
-from needlefem.materials.isotropic import Isotropic
+from needlefem.materials.linear_elastic import Isotropic
 from needlefem.materials.relaxation import Branch
 
 

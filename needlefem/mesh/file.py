@@ -1,15 +1,290 @@
-"""Meshes from files: Gmsh's by `mshfile`, all others through meshio by `foreignmesh`."""
+"""What a mesh file holds, whatever its format, and the plane mesh in it."""
 
 import dataclasses
 import warnings
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 
-from needlefem._arrays import SkfemMesh
+import numpy as np
+from skfem import MeshQuad, MeshTri
+
+from needlefem._arrays import Floats, Ints, SkfemMesh
 from needlefem._inputfile import require_file
 from needlefem.errors import CaseError
-from needlefem.mesh.file_contents import PlaneMesh, UnreadableMeshError, plane_mesh
 from needlefem.mesh.soundness import refuse_unsound
+
+FLAT = 1e-6
+"""A mesh is plane when its nodes are at most this share of its size out of the plane."""
+BENT = 1e-6
+"""Edges are straight when their middle nodes are at most this share of the size beside them."""
+FARTHEST, SMALLEST = 1e60, 1e-60
+"""Largest coordinate and smallest size, in units of the file: products of them are numbers."""
+AXES = "xyz"
+
+
+class UnreadableMeshError(Exception):
+    """Why a mesh file can't be read, and what would do; the caller adds the file's name."""
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        self.problem, self.remedy = problem, remedy
+        super().__init__(f"{problem}; {remedy}")
+
+
+def printable(name: str) -> str:
+    """Return a group's name with "?" for characters that no case file or message can hold."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class CellBlock:
+    """Cells of one type that are in the same groups.
+
+    Parameters
+    ----------
+    dim, corners, order : int
+        Dimension of the cell, number of its corners, polynomial order of its edges.
+    nodes : array, shape (n, nodes of a cell)
+        Rows of `Contents.points`: corners first, then `order` - 1 nodes on every edge, then others.
+    groups : frozenset of str
+    """
+
+    dim: int
+    corners: int
+    order: int
+    nodes: Ints
+    groups: frozenset[str] = frozenset()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Contents:
+    """Nodes and cells of a mesh file.
+
+    Parameters
+    ----------
+    points : array, shape (n, 3)
+        In units of the file.
+    numbers : array, shape (n,)
+        What the file calls the nodes.
+    cells : tuple of CellBlock
+    notes : tuple of str
+        Sentences on how the file was read.
+    node_groups : mapping
+        Rows of `points` by name: where a format names edges by their nodes.
+    facet_groups : mapping
+        Pairs of rows of `points`, shape (n, 2), by name.
+    """
+
+    points: Floats
+    numbers: Ints
+    cells: tuple[CellBlock, ...]
+    notes: tuple[str, ...] = ()
+    node_groups: Mapping[str, Ints] = dataclasses.field(default_factory=dict)
+    facet_groups: Mapping[str, Ints] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PlaneMesh:
+    """The mesh of a file, and how it was read.
+
+    Parameters
+    ----------
+    mesh : skfem.Mesh
+        Subdomains and boundaries are the file's groups; cells in no group are in no subdomain.
+    axes : tuple of str
+        The file's axes that the two coordinates are.
+    notes : tuple of str
+        Sentences on how the file was read; those in `repairs` say what was changed.
+    repairs : tuple of str
+    """
+
+    mesh: SkfemMesh
+    axes: tuple[str, str]
+    notes: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
+
+
+def plane_mesh(contents: Contents, unit: float) -> PlaneMesh:
+    """Return the plane mesh that a file holds.
+
+    Cells with curved edges are read as straight, a mixture of triangles and quadrilaterals as
+    triangles, cells that the file holds twice once; nodes that no cell uses are left out.
+
+    Parameters
+    ----------
+    contents : Contents
+    unit : float, m
+        Length of one unit of the file's coordinates.
+
+    Raises
+    ------
+    UnreadableMeshError
+        No cells of two dimensions, nodes out of a plane or that are not finite.
+    """
+    notes, repairs = list(contents.notes), []
+    areas = [block for block in contents.cells if block.dim == 2 and len(block.nodes)]
+    if not areas:
+        _refuse_without_cells(contents)
+    shapes = {block.corners for block in areas}
+    if not shapes <= {3, 4}:
+        _refuse("it has polygons of more than four corners", "save triangles or quadrilaterals")
+    _refuse_no_place(contents, areas)
+    used = np.unique(np.concatenate([block.nodes[:, : block.corners].ravel() for block in areas]))
+    points, axes = _plane(contents, used)
+    bent = max(_bent(contents.points, block) for block in areas)
+    if bent > BENT * float(np.max(np.ptp(points, axis=0))):
+        repairs.append(
+            f"Edges are curved by up to {bent:.3g} units of the file: they are read as straight."
+        )
+    if len(shapes) == 2:
+        notes.append("Triangles and quadrilaterals are mixed: quadrilaterals are cut in two.")
+        areas = [part for block in areas for part in _as_triangles(contents.points, block)]
+    corners = np.vstack([block.nodes[:, : block.corners] for block in areas])
+    cells, members, again = _once(corners, areas)
+    if again:
+        repairs.append(f"{again} cells are there twice: they are taken once.")
+    number = np.full(len(contents.points), -1)
+    number[used] = np.arange(len(used))
+    kind = MeshTri if cells.shape[1] == 3 else MeshQuad
+    mesh = kind(np.ascontiguousarray(unit * points.T), np.ascontiguousarray(number[cells].T))
+    mesh = mesh.with_subdomains(members) if members else mesh
+    faces, lost = _faces(mesh, contents, number)
+    if lost:
+        notes.append("Not on edges of cells, and left out: " + ", ".join(sorted(lost)) + ".")
+    points_only = {name for block in contents.cells if block.dim == 0 for name in block.groups}
+    points_only -= faces.keys() | members.keys()
+    if points_only:
+        named = ", ".join(sorted(points_only))
+        notes.append(f"Groups of points are not used: {named}.")
+    mesh = mesh.with_boundaries(faces) if faces else mesh
+    return PlaneMesh(mesh, axes, tuple(notes), tuple(repairs))
+
+
+def _refuse(problem: str, remedy: str) -> None:
+    raise UnreadableMeshError(problem, remedy)
+
+
+def _refuse_without_cells(contents: Contents) -> None:
+    if any(block.dim == 3 and len(block.nodes) for block in contents.cells):
+        _refuse("it holds cells of a volume alone", "save a plane section as triangles")
+    count = sum(len(block.nodes) for block in contents.cells if block.dim == 1)
+    problem = f"it holds {count} lines and no cells" if count else "it holds no cells"
+    _refuse(problem, "mesh the surface, and save triangles or quadrilaterals")
+
+
+def _refuse_no_place(contents: Contents, areas: list[CellBlock]) -> None:
+    """Refuse nodes of cells, middle nodes too, that are nowhere."""
+    used = np.unique(np.concatenate([block.nodes.ravel() for block in areas]))
+    points = contents.points[used]
+    wrong = np.flatnonzero(~np.all(np.abs(points) < FARTHEST, axis=1))
+    if wrong.size:
+        number = contents.numbers[used[wrong[0]]]
+        place = ", ".join(f"{x:g}" for x in points[wrong[0]])
+        _refuse(f"node {number} is at ({place})", "give every node finite coordinates")
+
+
+def _plane(contents: Contents, used: Ints) -> tuple[Floats, tuple[str, str]]:
+    """Return the plane coordinates of the nodes in use, shape (n, 2), and which axes they are."""
+    points = contents.points[used]
+    extent = np.ptp(points, axis=0)
+    if not extent.max() > SMALLEST:
+        text = " x ".join(f"{x:g}" for x in extent)
+        _refuse(f"its nodes fill {text} units", "give the nodes' coordinates")
+    flat = np.flatnonzero(extent <= FLAT * extent.max())
+    if not flat.size:
+        text = " x ".join(f"{x:.4g}" for x in extent)
+        problem = f"its cells are not in one plane of x, y and z (they fill {text} units)"
+        _refuse(problem, "turn the plane mesh into one, or save a plane section of the surface")
+    drop = int(flat[-1])  # z where there is a choice
+    axes = [axis for axis in range(3) if axis != drop]
+    return points[:, axes], (AXES[axes[0]], AXES[axes[1]])
+
+
+def _bent(points: Floats, block: CellBlock) -> float:
+    """Return how far nodes on edges are beside the chord at most, in units of the file."""
+    most = 0.0
+    for edge in range(block.corners if block.order > 1 else 0):
+        start = points[block.nodes[:, edge]]
+        along = points[block.nodes[:, (edge + 1) % block.corners]] - start
+        length2 = np.maximum(np.sum(along**2, axis=1), 1e-300)
+        first = block.corners + edge * (block.order - 1)
+        for column in range(first, first + block.order - 1):
+            apart = points[block.nodes[:, column]] - start
+            share = np.sum(apart * along, axis=1) / length2
+            beside = np.linalg.norm(apart - share[:, None] * along, axis=1)
+            most = max(most, float(np.max(beside, initial=0.0)))
+    return most
+
+
+def _as_triangles(points: Floats, block: CellBlock) -> list[CellBlock]:
+    """Return a block of quadrilaterals as triangles, cut along the shorter diagonal."""
+    if block.corners == 3:
+        return [block]
+    a, b, c, d = block.nodes[:, :4].T
+    one = np.linalg.norm(points[a] - points[c], axis=1)
+    other = np.linalg.norm(points[b] - points[d], axis=1)
+    short = one <= other
+    halves = (
+        np.where(short[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1)),
+        np.where(short[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1)),
+    )
+    return [CellBlock(2, 3, 1, half, block.groups) for half in halves]
+
+
+def _once(corners: Ints, areas: list[CellBlock]) -> tuple[Ints, dict[str, Ints], int]:
+    """Return every cell once, the cells of every group, and how many were there needlessly.
+
+    Version 2.2 of Gmsh's format repeats a cell for each of its groups.
+    """
+    key = np.sort(corners, axis=1)
+    _, first, owner = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    kept = np.sort(first)
+    position = np.searchsorted(kept, first)[owner.ravel()]
+    members: dict[str, list[Ints]] = {}
+    at = 0
+    seen: dict[frozenset[str], Ints] = {}
+    again = 0
+    for block in areas:
+        cells = position[at : at + len(block.nodes)]
+        at += len(block.nodes)
+        before = seen.get(block.groups, np.zeros(0, dtype=np.intp))
+        seen[block.groups] = np.union1d(before, cells)
+        again += len(before) + len(cells) - len(seen[block.groups])
+        for name in block.groups:
+            members.setdefault(name, []).append(cells)
+    groups = {name: np.unique(np.concatenate(parts)) for name, parts in members.items()}
+    return corners[kept], groups, again
+
+
+def _faces(mesh: SkfemMesh, contents: Contents, number: Ints) -> tuple[dict[str, Ints], set[str]]:
+    """Return the facets of every group of edges, and the groups with none on an edge of a cell."""
+    ends = np.sort(mesh.facets, axis=0).astype(np.int64)
+    code = ends[0] * mesh.nvertices + ends[1]
+    order = np.argsort(code)
+    pairs: dict[str, list[Ints]] = {}
+    for block in contents.cells:
+        for name in block.groups if block.dim == 1 else ():
+            pairs.setdefault(name, []).append(block.nodes[:, :2])
+    for name, lines in contents.facet_groups.items():
+        pairs.setdefault(name, []).append(lines)
+    found: dict[str, Ints] = {}
+    for name, parts in pairs.items():
+        lines = np.sort(number[np.vstack(parts)], axis=1).astype(np.int64)
+        wanted = lines[:, 0] * mesh.nvertices + lines[:, 1]
+        place = order[np.minimum(np.searchsorted(code[order], wanted), len(code) - 1)]
+        hit = (lines[:, 0] >= 0) & (code[place] == wanted)
+        found[name] = np.unique(place[hit])
+    outer = mesh.boundary_facets()
+    for name, nodes in contents.node_groups.items():
+        inside = np.zeros(mesh.nvertices, dtype=bool)
+        inside[number[nodes][number[nodes] >= 0]] = True
+        found.setdefault(name, outer[np.all(inside[mesh.facets[:, outer]], axis=0)])
+    lost = {name for name, facets in found.items() if not facets.size}
+    return {name: facets for name, facets in found.items() if name not in lost}, lost
+
+
+# Meshes from files: Gmsh's by `mshfile`, all others through meshio by `foreignmesh`.
+
 
 KEY = "mesh.file"
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
-from needlefem.mesh.file_contents import CellBlock, Contents, UnreadableMeshError, printable
+from needlefem.mesh.file import CellBlock, Contents, UnreadableMeshError, printable
 
 SECONDS = 30.0
 SECONDS_PER_BYTE = 2e-5

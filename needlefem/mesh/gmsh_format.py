@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
-from needlefem.mesh.file_contents import CellBlock, Contents, UnreadableMeshError, printable
+from needlefem.mesh.file import CellBlock, Contents, UnreadableMeshError, printable
 
 SAVE_AGAIN = "save it again with Gmsh as version 4.1 or 2.2"
 SURFACE = 2

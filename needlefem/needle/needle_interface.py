@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem._pickling import Lasting
-from needlefem.elements.quadrature import gauss_legendre
+from needlefem.elements.shape_functions import gauss_legendre
 from needlefem.fem.interpolation import Follower, Interpolation, LinearFunctionals, OutsideError
 from needlefem.needle.insertion_axis import InsertionAxis
 from needlefem.needle.tip_kernel import Kernel

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Points, Vector
-from needlefem.elements.quadrature import gauss_legendre
+from needlefem.elements.shape_functions import gauss_legendre
 
 
 class Kernel(Protocol):

@@ -10,7 +10,7 @@ from needlefem._toml import comment, key_of, quoted
 from needlefem.casefile.openkeys import OPEN
 from needlefem.geometry.contour import Contour
 from needlefem.geometry.image_frame import ImageFrame
-from needlefem.materials.tissue_library import library
+from needlefem.materials.catalogue import library
 from needlefem.newcase.names import region_names
 
 

@@ -23,7 +23,7 @@ from needlefem.fem.two_level_solver import TwoLevelSolver
 from needlefem.geometry.contour import Contour
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.refine import uniformly_refined
+from needlefem.mesh.conform import uniformly_refined
 from needlefem.planning.reading import ROUND_OFF, InsertionReader, at_jump, broke_off, state_at
 from needlefem.planning.result import ErrorEstimate, Plan
 from needlefem.scene import BoxMesh, Scene, vary

@@ -9,14 +9,19 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem.checks.mesh_checks import overlaps
 from needlefem.errors import CaseError
-from needlefem.insertion.discretised import discretised
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.simulation import Simulation, Watch
+from needlefem.insertion.simulation import Simulation, Watch, discretised
 from needlefem.insertion.validity import validity
-from needlefem.planning.headline import with_headline
-from needlefem.planning.making import PlanAttempt, PlanRequest, Stopwatch, attempt_plan
+from needlefem.planning.adaptive import PlanAttempt, PlanRequest, Stopwatch, attempt_plan
 from needlefem.planning.reading import at_jump, broke_off, state_at
-from needlefem.planning.result import Evidence, Plan, PlanStatus, RefinementStep, RejectedDirection
+from needlefem.planning.result import (
+    Evidence,
+    Plan,
+    PlanStatus,
+    RefinementStep,
+    RejectedDirection,
+    with_headline,
+)
 from needlefem.scene import Scene, point_of, vary
 
 

@@ -7,10 +7,10 @@ import numpy as np
 from needlefem._arrays import Floats, Vector
 from needlefem.errors import SimulationError
 from needlefem.insertion.simulation import Simulation
+from needlefem.planning.adaptive import MeshSizes, longest
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import InsertionReader
 from needlefem.planning.result import Plan
-from needlefem.planning.sizes import MeshSizes, longest
 from needlefem.scene import Scene, vary
 from needlefem.scene.resolve import cell_shape
 

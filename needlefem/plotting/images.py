@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from needlefem._progress import doing
 from needlefem.errors import CaseError, NoRendererError
-from needlefem.io.files import whole_file
+from needlefem.io.result_folder import whole_file
 
 Image = NDArray[np.uint8]
 """Shape (height, width, 3)."""

@@ -13,8 +13,7 @@ from needlefem._arrays import Vector
 from needlefem.errors import NoRendererError
 from needlefem.insertion.result import Insertion
 from needlefem.io.saved_result import SavedResult
-from needlefem.planning.headline import headline
-from needlefem.planning.result import Plan
+from needlefem.planning.result import Plan, headline
 from needlefem.scene import Scene
 
 SIZE = (800, 600)

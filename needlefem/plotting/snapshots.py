@@ -6,8 +6,7 @@ import numpy as np
 
 from needlefem.fem.recovery import CellFields
 from needlefem.insertion.result import Insertion
-from needlefem.io.files import writing
-from needlefem.io.result_folder import ours, result_folder
+from needlefem.io.result_folder import ours, result_folder, writing
 from needlefem.io.vtu import write_pvd, write_vtu
 from needlefem.plotting.timeline import Timeline
 from needlefem.scene.limits import check_count

@@ -7,8 +7,7 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem.insertion.result import Insertion
-from needlefem.planning.headline import headline
-from needlefem.planning.result import Plan, PlanStatus, Release
+from needlefem.planning.result import Plan, PlanStatus, Release, headline
 from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.images import save

@@ -7,9 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points
-from needlefem.insertion.fields import depends_on_time, displacements
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.state import TipPhase
+from needlefem.insertion.state import TipPhase, depends_on_time, displacements
 
 CHUNK = 64
 """States whose displacements are recovered at once."""

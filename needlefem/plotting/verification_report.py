@@ -10,7 +10,7 @@ from typing import Any
 
 from needlefem.checks.reference_problem import Curve, Report, Verdict
 from needlefem.errors import NoRendererError
-from needlefem.io.files import whole_file, write_json
+from needlefem.io.result_folder import whole_file, write_json
 from needlefem.plotting.shape_pictures import picture
 from needlefem.plotting.svg_charts import ChartLine, loglog
 

@@ -1,6 +1,6 @@
 """The scene: all that a case says, as plain frozen dataclasses in SI units."""
 
-from needlefem.fem.supports import Support
+from needlefem.fem.tissue_model import Support
 from needlefem.scene.discretization import DYNAMIC, Discretisation, Limits, Rayleigh
 from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
 from needlefem.scene.schema import (

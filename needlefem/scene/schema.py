@@ -10,7 +10,7 @@ import numpy as np
 
 from needlefem._parameter import ParameterInfo, parameter
 from needlefem.errors import CaseError, nearest, short
-from needlefem.fem.supports import Support
+from needlefem.fem.tissue_model import Support
 from needlefem.geometry.contour import Contour
 from needlefem.geometry.image_frame import ImageFrame
 from needlefem.materials import Material

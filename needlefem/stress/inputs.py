@@ -15,7 +15,7 @@ from needlefem.stress.sceneruns import Fault
 
 COUNT = 5000
 """Inputs when no number is given."""
-LIMITS = WorkerLimits(seconds=20.0, clock=80.0, memory=4e9)
+LIMITS = WorkerLimits(seconds=20.0, clock=300.0, memory=4e9, seconds_a_step=0.02)
 """Of a command: what takes longer hangs."""
 TELL = 30.0
 """Seconds between lines of progress."""

@@ -9,6 +9,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any, NamedTuple
 
+from needlefem._progress import expect_steps, expected_steps
+
 Work = Callable[[int], Any]
 """What is done with the number of a task; must be a function of a module, for it is pickled."""
 POLL = 0.5
@@ -26,11 +28,15 @@ class WorkerLimits(NamedTuple):
         Time on the clock, for what blocks without working.
     memory : float, bytes
         Address space of the worker.
+    seconds_a_step : float, s
+        Processor time for each time step that the task has announced; the announcement is in every
+        line of progress.
     """
 
     seconds: float
     clock: float
     memory: float
+    seconds_a_step: float = 0.0
 
 
 class Lost(NamedTuple):
@@ -118,7 +124,16 @@ def _answer(worker: _Worker, *, late: bool) -> Any:
 
 def _serve(pipe: Connection, work: Work, limits: WorkerLimits) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
-    signal.signal(signal.SIGPROF, _out_of_time)
+    allowed = [0.0]
+
+    def out_of_time(signum: int, frame: Any) -> None:  # noqa: ARG001  (of every signal handler)
+        announced = limits.seconds_a_step * expected_steps()
+        if announced <= allowed[0]:
+            raise OutOfTimeError
+        signal.setitimer(signal.ITIMER_PROF, announced - allowed[0])
+        allowed[0] = announced
+
+    signal.signal(signal.SIGPROF, out_of_time)
     resource.setrlimit(resource.RLIMIT_AS, (int(limits.memory), int(limits.memory)))
     while True:
         try:
@@ -126,15 +141,13 @@ def _serve(pipe: Connection, work: Work, limits: WorkerLimits) -> None:
         except EOFError:
             os._exit(0)
         try:
+            expect_steps(0)
+            allowed[0] = limits.seconds
             signal.setitimer(signal.ITIMER_PROF, limits.seconds)
             answer = work(task)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         except OutOfTimeError:
-            answer = Lost(f"not ready after {limits.seconds:g} s of processor time")
+            answer = Lost(f"not ready after {allowed[0]:g} s of processor time")
         except MemoryError:
             answer = Lost("out of memory")
         pipe.send(answer)
-
-
-def _out_of_time(signum: int, frame: Any) -> None:  # noqa: ARG001  (of every signal handler)
-    raise OutOfTimeError

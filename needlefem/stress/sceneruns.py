@@ -20,9 +20,9 @@ from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import TipPhase
 from needlefem.insertion.validity import validity
-from needlefem.io.files import to_json
 from needlefem.io.records import energy_record, insertion_record
-from needlefem.planning.making import PlanRequest, attempt_plan
+from needlefem.io.result_folder import to_json
+from needlefem.planning.adaptive import PlanRequest, attempt_plan
 from needlefem.planning.result import Plan, PlanStatus
 from needlefem.scene import Scene
 from needlefem.stress.draw import draw_case

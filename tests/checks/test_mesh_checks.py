@@ -5,7 +5,7 @@ import pytest
 from skfem import Basis, ElementVector
 
 from needlefem.checks import mesh_checks as tissue
-from needlefem.checks.modal import eigenfrequencies
+from needlefem.checks.models import eigenfrequencies
 from needlefem.elements import CATALOGUE
 from needlefem.fem.forms import stiffness
 from needlefem.fem.tissue_model import TissueModel

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from needlefem.checks.element_material_checks import inf_sup
+from needlefem.checks.element_checks import inf_sup
 from needlefem.checks.qualify import check_element_material, failures
 from needlefem.cli.main import main
 from needlefem.elements import CATALOGUE

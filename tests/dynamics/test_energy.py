@@ -18,8 +18,8 @@ from needlefem.dynamics import (
     TissueEnergyBalance,
 )
 from needlefem.dynamics import energy as module
-from needlefem.dynamics.memory import MaxwellUpdate
 from needlefem.dynamics.steppers import AlphaParameters
+from needlefem.dynamics.system import MaxwellUpdate
 
 MASS = np.array([[2.0, 0.3], [0.3, 1.0]])
 STIFFNESS = np.array([[5.0, -2.0], [-2.0, 3.0]])

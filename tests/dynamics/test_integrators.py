@@ -20,7 +20,7 @@ from needlefem.dynamics import (
     critical_step,
     integrator_class,
 )
-from needlefem.dynamics.histories import constant, iterate, last, ramp, switched, table, together
+from needlefem.dynamics.steppers import constant, iterate, last, ramp, switched, table, together
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic

@@ -5,7 +5,7 @@ import pytest
 
 from needlefem.checks.models import rectangle
 from needlefem.dynamics import Newmark, QuasiStatic, TissueSystem
-from needlefem.dynamics.histories import constant, iterate, last
+from needlefem.dynamics.steppers import constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation

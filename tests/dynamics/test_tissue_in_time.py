@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.checks.energy import energy_drift
+from needlefem.checks.integrator_checks import energy_drift
 from needlefem.dynamics import Damping, Newmark, TissueSystem, kinetic_energy
 from needlefem.errors import CaseError
 from needlefem.scene import Scene, vary

@@ -6,8 +6,7 @@ from needlefem.checks.models import square_mesh
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.elements.shape_functions import ShapeTable
 from needlefem.fem.interpolation import Interpolation, OutsideError
-from needlefem.mesh.cell_location import Locator
-from needlefem.mesh.cell_map import BilinearMap
+from needlefem.mesh.cell_map import BilinearMap, Locator
 from needlefem.mesh.generation import box, into_quadrilaterals, near_segment, refine
 
 

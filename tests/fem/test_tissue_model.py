@@ -4,8 +4,13 @@ from scipy.sparse import csc_array
 
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.compliance import CachedCompliance, DirectCompliance
-from needlefem.fem.condensation import CondensedCorridor, Corridor, InverseColumnsOnDemand
+from needlefem.fem.compliance import (
+    CachedCompliance,
+    CondensedCorridor,
+    Corridor,
+    DirectCompliance,
+    InverseColumnsOnDemand,
+)
 from needlefem.fem.factorization import GroupedFactor, SuperLUFactor, cholmod, factorise
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Isotropic

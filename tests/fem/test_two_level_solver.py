@@ -4,7 +4,7 @@ import pytest
 from needlefem.fem import two_level_solver as nested
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.fem.two_level_solver import TwoLevelSolver
-from needlefem.mesh.refine import uniformly_refined
+from needlefem.mesh.conform import uniformly_refined
 from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve

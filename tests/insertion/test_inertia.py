@@ -11,8 +11,8 @@ from needlefem.dynamics import Damping, GeneralizedAlpha, Newmark, TissueSystem
 from needlefem.dynamics.steppers import AlphaParameters
 from needlefem.errors import CaseError
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.inertia import DynamicResponse, bound_radius, damping_of
 from needlefem.insertion.motion_schedule import TimeStep
+from needlefem.insertion.response_in_time import DynamicResponse, bound_radius, damping_of
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import TipPhase

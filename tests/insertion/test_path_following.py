@@ -6,9 +6,9 @@ import pytest
 
 from needlefem.fem.compliance import CachedCompliance, DirectCompliance
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
+from needlefem.insertion.state import displacements
 from needlefem.insertion.tip_solver import TipSolver, not_found, smallest_turning
 from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.insertion.validity import validity

@@ -6,13 +6,13 @@ import skfem
 
 from needlefem.checks.mesh_checks import preflight
 from needlefem.elements import ElementType
-from needlefem.elements.quadrature import simplex
+from needlefem.elements.shape_functions import simplex
 from needlefem.fem.compliance import CachedCompliance
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.fields import displacements
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.state import displacements
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import BACKGROUND
 from needlefem.needle.insertion_axis import InsertionAxis

@@ -7,10 +7,9 @@ import pytest
 
 from needlefem.errors import CaseError
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import TipPhase
+from needlefem.insertion.state import TipPhase, displacements
 from needlefem.insertion.sticking import STICK_CONDITION
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Scene, Stage, vary

@@ -6,7 +6,7 @@ import pytest
 
 from needlefem._table import Table
 from needlefem.io.expectations import compare, look_up
-from needlefem.io.files import to_json, whole_file, write_json
+from needlefem.io.result_folder import to_json, whole_file, write_json
 from needlefem.scene import Expectation
 
 

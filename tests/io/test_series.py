@@ -16,10 +16,10 @@ from needlefem.dynamics import (
     QuasiStatic,
     TissueSystem,
 )
-from needlefem.dynamics.histories import constant, iterate, last
+from needlefem.dynamics.steppers import constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.errors import SimulationError
-from needlefem.io.series import Recording, recorded
+from needlefem.io.vtu import Recording, recorded
 from needlefem.materials import Isotropic, Viscoelastic
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)

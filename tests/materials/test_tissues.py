@@ -3,7 +3,7 @@ import pytest
 from needlefem.casefile.reader import CaseReader
 from needlefem.errors import CaseError
 from needlefem.materials import Material, volumetric_split
-from needlefem.materials.tissue_library import library, tissue_table
+from needlefem.materials.catalogue import library, tissue_table
 
 
 @pytest.mark.parametrize("name", library())

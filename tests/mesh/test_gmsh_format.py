@@ -7,8 +7,7 @@ import pytest
 
 from needlefem.errors import CaseError
 from needlefem.mesh.cell_map import cell_measures
-from needlefem.mesh.file import read_mesh, read_plane_mesh
-from needlefem.mesh.file_contents import PlaneMesh
+from needlefem.mesh.file import PlaneMesh, read_mesh, read_plane_mesh
 
 HERE = Path(__file__).parent / "gmsh"
 VERSIONS = [

@@ -4,7 +4,7 @@ import pytest
 from needlefem.elements import element_row
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.trajectory import TipTrajectory
-from needlefem.mesh.refine import uniformly_refined
+from needlefem.mesh.conform import uniformly_refined
 from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import kernel_points, resolve, with_element

@@ -7,9 +7,10 @@ from needlefem.bench.accuracy import Entrant, race, sizes, steps
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
+from needlefem.mesh.conform import uniformly_refined
 from needlefem.mesh.generation import signed_measures
-from needlefem.mesh.refine import uniformly_refined
 from needlefem.planning import reference_solution as reference
+from needlefem.planning.adaptive import MeshSizes
 from needlefem.planning.error_estimate import (
     HALVED,
     displacement_on,
@@ -21,7 +22,6 @@ from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.reference_solution import ReferenceSolution, placed_on
 from needlefem.planning.result import PlanStatus
-from needlefem.planning.sizes import MeshSizes
 from needlefem.scene import FileMesh, Scene, Stage, TargetDraw, vary
 from needlefem.scene.build import build_mesh
 from needlefem.scene.resolve import resolve

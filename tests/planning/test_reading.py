@@ -11,11 +11,10 @@ from needlefem.errors import SimulationError
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.io.records import plan_record
-from needlefem.planning.headline import Headline
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import InsertionReader, Why, at_jump
-from needlefem.planning.result import PlanStatus
+from needlefem.planning.result import Headline, PlanStatus
 from needlefem.scene import Scene, TargetDraw, vary
 from needlefem.scene.build import build_mesh
 from needlefem.studies import robust, targets

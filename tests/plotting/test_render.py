@@ -16,9 +16,9 @@ from needlefem.cli.main import main
 from needlefem.cli.replay import replay
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.fem.recovery import CellFields
-from needlefem.insertion.fields import displacements, loads
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import simulate
+from needlefem.insertion.state import displacements, loads
 from needlefem.materials.viscoelastic import Viscoelastic
 from needlefem.plotting import images
 from needlefem.plotting.backend import renderer

@@ -11,7 +11,7 @@ import skfem
 
 from needlefem.checks.models import rectangle
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.elements.quadrature import gauss, simplex
+from needlefem.elements.shape_functions import gauss, simplex
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.io.vtu import write_vtu
 from needlefem.materials import Isotropic

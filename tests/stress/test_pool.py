@@ -3,6 +3,7 @@
 import os
 import time
 
+from needlefem._progress import expect_steps
 from needlefem.stress.pool import Lost, WorkerLimits, work_through
 
 
@@ -16,6 +17,11 @@ def work(task: int) -> int:
         bytearray(10**12)
     if task == 4:
         time.sleep(1000)
+    if task in {6, 7}:
+        expect_steps(20 if task == 6 else 2000)
+        begun = time.process_time()
+        while time.process_time() < begun + 1.0:
+            pass
     return 10 * task
 
 
@@ -35,3 +41,10 @@ def test_a_task_that_sleeps_is_lost() -> None:
     assert task == 4
     assert isinstance(answer, Lost)
     assert "no answer within" in answer.reason
+
+
+def test_announced_time_steps_have_their_time() -> None:
+    limits = WorkerLimits(seconds=0.4, clock=60.0, memory=1e10, seconds_a_step=0.005)
+    found = dict(work_through(work, [6, 7], processes=1, limits=limits))
+    assert found[7] == 70
+    assert found[6] == Lost("not ready after 0.4 s of processor time")

@@ -13,7 +13,7 @@ from needlefem._table import Table
 from needlefem.bench.timing import median, processor_seconds
 from needlefem.casefile.load import load_case
 from needlefem.elements import CATALOGUE
-from needlefem.fem.condensation import BLOCK
+from needlefem.fem.compliance import BLOCK
 from needlefem.fem.factorization import CholmodFactor, SuperLUFactor, cholmod
 from needlefem.plotting.svg_charts import Bar, bars
 from needlefem.scene.build import build_model

@@ -20,7 +20,7 @@ from needlefem.dynamics import (
     TissueSystem,
     critical_step,
 )
-from needlefem.dynamics.histories import iterate, last
+from needlefem.dynamics.steppers import iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

@@ -20,7 +20,7 @@ from needlefem.dynamics import (
     TissueSystem,
     critical_step,
 )
-from needlefem.dynamics.histories import constant, iterate, record
+from needlefem.dynamics.steppers import constant, iterate, record
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from needlefem.checks.modal import eigenfrequencies
-from needlefem.checks.models import rectangle
+from needlefem.checks.models import eigenfrequencies, rectangle
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import (
     HHT,

@@ -18,7 +18,7 @@ from needlefem.dynamics import (
     TissueEnergyBalance,
     TissueSystem,
 )
-from needlefem.dynamics.histories import constant, iterate, last
+from needlefem.dynamics.steppers import constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.fem.forms import traction_load
 from needlefem.fem.tissue_model import TissueModel

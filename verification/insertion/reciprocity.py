@@ -9,10 +9,9 @@ from needlefem.checks.models import rectangle
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.fields import displacements
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase
+from needlefem.insertion.state import TipPhase, displacements
 from needlefem.materials import Isotropic
 from needlefem.scene import Scene, Stage, vary
 from needlefem.scene.build import build_mesh, build_model

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from needlefem.checks.modal import sliding_box
+from needlefem.checks.models import sliding_box
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import TissueSystem
 from needlefem.dynamics.modal import modes

@@ -8,7 +8,7 @@ import numpy as np
 from needlefem.checks.qualify import check_element_material, failures
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import BBAR, CATALOGUE, MIXED, ElementType
-from needlefem.elements.quadrature import gauss, simplex
+from needlefem.elements.shape_functions import gauss, simplex
 from needlefem.materials import Isotropic, MaterialResponse
 
 P1, P2, Q1 = CATALOGUE["P1"], CATALOGUE["P2"], CATALOGUE["Q1"]

@@ -1,6 +1,6 @@
 """S2: pure bending is met exactly by quadratic elements on any mesh, and by no linear one."""
 
-from needlefem.checks.element_material_checks import bending_error
+from needlefem.checks.element_checks import bending_error
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic

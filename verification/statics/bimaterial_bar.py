@@ -1,6 +1,6 @@
 """S14: a bar of two materials, pressed without moving sideways."""
 
-from needlefem.checks.accuracy import two_material_bar
+from needlefem.checks.convergence import two_material_bar
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
 

@@ -1,8 +1,7 @@
 """S4: manufactured solutions converge at the order of theory, and from a small error."""
 
 from needlefem.checks.convergence import convergence_study, order_answer
-from needlefem.checks.manufactured import GENERAL, ISOCHORIC, Manufactured
-from needlefem.checks.models import distorted_mesh
+from needlefem.checks.models import GENERAL, ISOCHORIC, Manufactured, distorted_mesh
 from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution

@@ -8,7 +8,7 @@ from needlefem.checks.mesh_checks import rigid_motion, spectrum, zero_modes
 from needlefem.checks.models import distorted_mesh, rectangle
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.elements import CATALOGUE
-from needlefem.elements.quadrature import gauss
+from needlefem.elements.shape_functions import gauss
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem
 from needlefem.materials import Isotropic
 

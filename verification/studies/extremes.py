@@ -8,15 +8,14 @@ import numpy as np
 
 from needlefem._arrays import Floats, SkfemMesh
 from needlefem._table import Table
-from needlefem.checks.accuracy import (
+from needlefem.checks.convergence import (
     LOCKING,
     over_interpolant,
     solve_manufactured,
     two_material_bar,
 )
-from needlefem.checks.manufactured import ISOCHORIC
 from needlefem.checks.mesh_checks import patch_error
-from needlefem.checks.models import mapped_mesh
+from needlefem.checks.models import ISOCHORIC, mapped_mesh
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion

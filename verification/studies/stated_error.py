@@ -9,7 +9,7 @@ import numpy as np
 from needlefem._table import Table
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.refine import uniformly_refined
+from needlefem.mesh.conform import uniformly_refined
 from needlefem.planning.error_estimate import KERNEL
 from needlefem.planning.plan import plan
 from needlefem.planning.reference_solution import reference, true_error

@@ -1,15 +1,10 @@
-"""Tissue with inertia and damping as a needle stepped in time meets it.
-
-Forces of the needle are those at a step's end. A point that sticks has the needle's velocity
-there: it goes the mean way of what it did and what the needle does, so that a freshly caught one
-moves half a step late and from then on with the needle, without ringing. The tip that holds its
-point, and the shaft across, are bound by displacement; the integrator must damp what rings then.
-"""
+"""What was made lately and may be wanted again: factorised operators, and what hangs on them."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -23,14 +18,101 @@ from needlefem.dynamics import (
     TissueEnergyBalance,
     TissueSystem,
 )
-from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper
+from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper, StaticStepper
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.factorization import Factor
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.recent import LeastRecentlyUsed
 from needlefem.insertion.tissue_response import ExpectedLoads, responses_of
 from needlefem.scene import Rayleigh, Scene
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+MOST = 8
+"""Operators kept: those of the motion's legs, and of some halvings of their steps."""
+
+
+class LeastRecentlyUsed(Generic[Key, Value]):
+    """A few values by their key; the one not asked for longest goes first."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[Key, Value] = OrderedDict()
+
+    def get(self, key: Key, make: Callable[[], Value]) -> Value:
+        """Return the value of a key, made if it is not there."""
+        if key not in self._kept:
+            self._kept[key] = make()
+            if len(self._kept) > MOST:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
+
+
+# Viscoelastic tissue as a needle stepped in time meets it.
+
+
+class ViscoelasticResponse:
+    """Equilibrium at the end of every step, with the memory of branches; see `TissueResponse`."""
+
+    timeless, inertial = False, False
+
+    def __init__(self, model: TissueModel, expected: ExpectedLoads | None = None) -> None:
+        self.model, self.system, self._expected = model, TissueSystem(model), expected
+        self._motion: KinematicState | None = None
+        self._start: KinematicState
+        self._ended = False
+        self._steppers: LeastRecentlyUsed[float, tuple[StaticStepper, ComplianceOperator]] = (
+            LeastRecentlyUsed()
+        )
+        self._energies: dict[str, float] = {}
+        self._forces = np.zeros(self.system.size)
+        self.background: Floats | None = None
+        self.responses: ComplianceOperator
+
+    def begin(self, duration: float) -> None:
+        """See `TissueResponse`."""
+        if duration <= 0.0:
+            raise SimulationError("viscoelastic tissue takes steps that last")
+        key = float(np.format_float_scientific(duration, precision=9))
+        self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
+        if self._motion is None:
+            rest = np.zeros(self.system.size)
+            self._motion = self._stepper.start(rest, rest)
+        self._start, self._ended = self._motion, False
+        self._free = self._stepper.free_motion(self._motion)
+        self.background = self.system.nodal(self._free)
+
+    def _ready(self, duration: float) -> tuple[StaticStepper, ComplianceOperator]:
+        stepper = StaticStepper(self.system, duration)
+        return stepper, responses_of(self.model, stepper.factor, self._expected)
+
+    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
+        """See `TissueResponse`."""
+
+    def finish(self, load: Floats) -> None:
+        """See `TissueResponse`."""
+        assert self._motion is not None
+        force = load[self.model.free_dofs]
+        new = self._stepper.advance(self._start, self._free + self._stepper.factor.solve(force))
+        ledger = TissueEnergyBalance(self._stepper)
+        ledger.add(self._motion, new, self._forces, force, at_once=self._ended)
+        for name in ("strain", "stored", "relaxation"):
+            self._energies[name] = self._energies.get(name, 0.0) + getattr(ledger, name)
+        self._motion, self._forces, self._ended = new, force, True
+
+    def energies(self) -> dict[str, float]:
+        """See `TissueResponse`."""
+        return dict(self._energies)
+
+
+# Tissue with inertia and damping as a needle stepped in time meets it.
+#
+# Forces of the needle are those at a step's end. A point that sticks has the needle's velocity
+# there: it goes the mean way of what it did and what the needle does, so that a freshly caught one
+# moves half a step late and from then on with the needle, without ringing. The tip that holds its
+# point, and the shaft across, are bound by displacement; the integrator must damp what rings then.
+
 
 RINGS = 1.0 - 1e-9
 """Spectral radius from which on motion under a bound displacement does not come to rest."""
