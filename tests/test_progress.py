@@ -54,4 +54,5 @@ def test_json_stays_alone_on_standard_output() -> None:
     told = found.stderr.splitlines()
     assert told
     assert all(line.startswith("needlefem plan: ") for line in told)
-    assert any("insertion" in line or "factorising" in line or "mesh" in line for line in told)
+    words = ("importing", "insertion", "factorising", "mesh")  # which one depends on the machine
+    assert any(word in line for word in words for line in told)
