@@ -24,7 +24,7 @@ SKIPPED = {
     "reassembly": "matrices change around moved nodes only, as a correction of one factor",
 }
 NOT_MADE = dict.fromkeys(("estimate", "energy", "validity"), "not made for the paper's method")
-REFINEMENTS = (1, 2)
+DRIFT_REFINEMENTS = (1, 2)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,7 +168,7 @@ def refined(scene: Scene, times: int) -> Scene:
 
 
 def drift(
-    scene: Scene, numbers: InTime | None, refinements: tuple[int, ...] = REFINEMENTS
+    scene: Scene, numbers: InTime | None, refinements: tuple[int, ...] = DRIFT_REFINEMENTS
 ) -> list[Drifted]:
     """Return where the unplanned seed of the case ends on finer meshes.
 

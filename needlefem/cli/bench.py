@@ -11,7 +11,7 @@ from needlefem.io.result_folder import held_by, probe, write_json, write_text
 from needlefem.plotting.verification_report import chart_page
 
 
-def main(options: argparse.Namespace) -> int:
+def run_benchmark(options: argparse.Namespace) -> int:
     """Run a benchmark on a case and print its table; 1 if a ratio is beyond its bound."""
     if options.benchmark == "list":
         for name, sentence in benchmarks().items():

@@ -34,7 +34,9 @@ COMMANDS = {
 }
 
 LONGEST_ERROR = 400
-"""Characters of a usage error that are shown."""
+"""Characters of a usage error that are shown."""HANDLERS = {"bench": ("experiments", "run_benchmark"), "study": ("experiments", "run_study")}
+"""Module and function of commands that have no module of their own name."""
+
 
 
 def process() -> NoReturn:
@@ -98,10 +100,11 @@ def main(
         if options.allow_code:
             import_module("needlefem._plugin").allow()
         doing("importing")
-        command = import_module(f"needlefem.cli.{options.command}")
+        module, handler = HANDLERS.get(options.command, (options.command, "main"))
+        command = getattr(import_module(f"needlefem.cli.{module}"), handler)
         doing("")
         imported()
-        return int(command.main(options))
+        return int(command(options))
     except NeedlefemError as error:
         return _failed(str(error), error.exit_status, debug=debug)
     except KeyboardInterrupt as stop:

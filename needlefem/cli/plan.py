@@ -28,9 +28,9 @@ from needlefem.scene import Scene
 def main(options: argparse.Namespace) -> int:
     """Plan, print, write; return the exit status."""
     if options.method == "paper":
-        from needlefem.cli import planpaper  # noqa: PLC0415
+        from needlefem.cli.planpaper import plan_by_paper  # noqa: PLC0415
 
-        return planpaper.main(options)
+        return plan_by_paper(options)
     scene = load_case(options.case, options.overrides)
     refuse_unused_keys(scene, "plan")
     pictures: list[Path] = []

@@ -25,7 +25,7 @@ from needlefem.plotting.scanner import with_scanner
 from needlefem.scene import BoxMesh, Scene
 
 
-def main(options: argparse.Namespace) -> int:
+def plan_by_paper(options: argparse.Namespace) -> int:
     """Plan by both methods, print, write; return the exit status."""
     if options.search not in (None, "golden"):
         problem = f"'{options.search}', but the paper's method is golden section"

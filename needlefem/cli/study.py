@@ -9,7 +9,7 @@ from needlefem.cli.ignored import refuse_unused_options
 from needlefem.io.expectations import judged
 
 
-def main(options: argparse.Namespace) -> int:
+def run_study(options: argparse.Namespace) -> int:
     """Run a study on a case and print its tables; 1 if something demanded doesn't hold."""
     if options.study == "list":
         for name, sentence in studies().items():

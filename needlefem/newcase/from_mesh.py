@@ -11,9 +11,8 @@ from needlefem.mesh.cell_map import cell_measures, is_simplicial
 from needlefem.mesh.file import read_plane_mesh
 from needlefem.mesh.generation import BACKGROUND
 from needlefem.newcase.draft import Draft, numbers_text, point_text
+from needlefem.newcase.from_contours import UNKNOWN
 from needlefem.newcase.request import CaseRequest, direction_of, point_of
-
-UNKNOWN = f'"{OPEN}"'
 
 
 def of_mesh(path: Path, folder: Path, wanted: CaseRequest) -> Draft:
