@@ -34,9 +34,10 @@ COMMANDS = {
 }
 
 LONGEST_ERROR = 400
-"""Characters of a usage error that are shown."""HANDLERS = {"bench": ("experiments", "run_benchmark"), "study": ("experiments", "run_study")}
-"""Module and function of commands that have no module of their own name."""
+"""Characters of a usage error that are shown."""
 
+HANDLERS = {"bench": ("experiments", "run_benchmark"), "study": ("experiments", "run_study")}
+"""Module and function of commands that have no module of their own name."""
 
 
 def process() -> NoReturn:

@@ -27,7 +27,7 @@ from needlefem.insertion.trajectory import TipPoint
 from needlefem.insertion.trajectory import TipTrajectory as CutPath
 from needlefem.insertion.validity import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
-from needlefem.io.histories import History, recorded
+from needlefem.io.histories import History, recorded_states
 from needlefem.io.records import (
     energy_record,
     insertion_record,
@@ -81,7 +81,7 @@ def _moved(
     states = course.iterate()
     if result is not None:
         result.begin()
-        states = recorded(course, History(folder=result.path))
+        states = recorded_states(course, History(folder=result.path))
     kept = []
     for state in states:
         kept.append(state)

@@ -32,7 +32,7 @@ class History:
     every: int = 1
 
 
-def recorded(course: InsertionRun, wanted: History) -> Iterator[State]:
+def recorded_states(course: InsertionRun, wanted: History) -> Iterator[State]:
     """Pass a motion's states on and write their histories; memory does not grow with them.
 
     Files are whole when the motion ends, when it is stopped early, and when it is interrupted.

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from needlefem.insertion.simulation import Simulation
-from needlefem.io.histories import History, recorded
+from needlefem.io.histories import History, recorded_states
 from needlefem.scene import Scene, Stage, vary
 
 STAGES = (Stage(to=0.012), Stage(hold=1.0, release="seed"), Stage(to=-1e-3))
@@ -42,7 +42,7 @@ def test_tables_say_what_happened(gel: Scene, tmp_path: Path) -> None:
 def test_what_was_written_is_kept_when_the_caller_stops(gel: Scene, tmp_path: Path) -> None:
     simulation = Simulation(vary(gel, {"motion.stages": STAGES}))
     course = simulation.insertion_run(simulation.entry_of_case())
-    states = recorded(course, History(folder=tmp_path, every=0))
+    states = recorded_states(course, History(folder=tmp_path, every=0))
     for _ in range(5):
         next(states)
     states.close()
