@@ -20,7 +20,7 @@ def read(path: Path) -> list[dict[str, str]]:
 def test_tables_say_what_happened(gel: Scene, tmp_path: Path) -> None:
     simulation = Simulation(vary(gel, {"motion.stages": STAGES}))
     course = simulation.insertion_run(simulation.entry_of_case())
-    states = list(recorded(course, History(folder=tmp_path)))
+    states = list(recorded_states(course, History(folder=tmp_path)))
     rows = read(tmp_path / "insertion.csv")
     assert [float(row["depth [m]"]) for row in rows] == pytest.approx(
         [state.depth for state in states], abs=1e-10
@@ -56,7 +56,7 @@ def test_long_motions_keep_few_events(gel: Scene, tmp_path: Path) -> None:
     scene = vary(gel, {"motion.stages": once * 12, "discretisation.path_spacing": 3e-3})
     simulation = Simulation(scene)
     course = simulation.insertion_run(simulation.entry_of_case())
-    for _ in recorded(course, History(folder=tmp_path, every=0)):
+    for _ in recorded_states(course, History(folder=tmp_path, every=0)):
         assert len(course.stepping.event_log.events) <= 4 if course.stepping else True
     kinds = [row["event"] for row in read(tmp_path / "events.csv")]
     assert kinds.count("exit") == 12
