@@ -7,7 +7,7 @@ from needlefem.errors import CaseError
 from needlefem.mesh.generation import cell_sizes
 from needlefem.scene import Scene
 
-UNITS = {"1 um": 1e-6, "1 mm": 1e-3, "1 cm": 1e-2, "1 m": 1.0}
+MESH_UNITS = {"1 um": 1e-6, "1 mm": 1e-3, "1 cm": 1e-2, "1 m": 1.0}
 """Units in which meshes are written."""
 MARGIN = 0.1
 """Share of the mesh's extent by which a point may lie outside of the box around it."""
@@ -32,7 +32,7 @@ def refuse_wrong_unit(scene: Scene, mesh: SkfemMesh, unit: float) -> None:
     Raises
     ------
     CaseError
-        The scene does not fit the mesh; it does in a unit of `UNITS`, which the message names.
+        The scene does not fit the mesh; it does in a unit of `MESH_UNITS`, which the message names.
     """
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
     least = float(cell_sizes(mesh).min())
@@ -40,7 +40,7 @@ def refuse_wrong_unit(scene: Scene, mesh: SkfemMesh, unit: float) -> None:
     misfit = _misfit(scene, low, high, least, points)
     if misfit is None:
         return
-    for text, other in UNITS.items():
+    for text, other in MESH_UNITS.items():
         factor = other / unit
         if _misfit(scene, factor * low, factor * high, factor * least, points) is None:
             wide = " x ".join(f"{length:.3g}" for length in 1e3 * (high - low))

@@ -6,12 +6,14 @@ was jumped over in a snap is not on the path: nothing is interpolated across it.
 
 import math
 import operator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
-from needlefem.insertion.result import Insertion
+
+if TYPE_CHECKING:
+    from needlefem.insertion.result import Insertion
 
 STUB = 0.01
 """Length of a path's last step, over that of the one before, from which on it counts."""
@@ -72,7 +74,7 @@ def _without_stub(piece: TrajectoryInterval) -> TrajectoryInterval:
     return TrajectoryInterval(*(np.delete(values, -2, axis=0) for values in piece))
 
 
-def _cutting(insertion: Insertion) -> Ints:
+def _cutting(insertion: "Insertion") -> Ints:
     """Return the numbers of the states in which the tip is further in the material than before."""
     tips, first = insertion.tips, insertion.first_cut
     if first is None:
@@ -136,7 +138,7 @@ def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
 class TipTrajectory:
     """The cut path of an insertion as pieces between snaps."""
 
-    def __init__(self, insertion: Insertion) -> None:
+    def __init__(self, insertion: "Insertion") -> None:
         self.axis = insertion.axis
         self.puncture_depth = insertion.puncture_depth
         self.entry: Vector = insertion.tips[0]

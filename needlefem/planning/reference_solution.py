@@ -15,7 +15,7 @@ from needlefem.scene import Scene, vary
 from needlefem.scene.resolve import cell_shape
 
 KERNEL_POINTS = 1600
-SQUARES = {"triangle": 36, "quadrilateral": 18}
+REFERENCE_SQUARES = {"triangle": 36, "quadrilateral": 18}
 """Along the longest side of the box; one is cut into two triangles or six quadrilaterals."""
 CORRIDOR, CONTOUR, PATH = 0.25, 0.5, 0.25
 """Element sizes along the needle and at contours, and path spacing, over the tip's radius."""
@@ -44,7 +44,7 @@ def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulati
     sizes = MeshSizes(
         corridor=CORRIDOR * radius,
         contour=CONTOUR * radius,
-        bulk=longest(scene) / SQUARES[cells],
+        bulk=longest(scene) / REFERENCE_SQUARES[cells],
         path=PATH * radius,
     )
     points = {"discretisation.kernel_points": KERNEL_POINTS}
