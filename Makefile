@@ -10,7 +10,7 @@ PAPER := cases/prostate-2003/case.toml
 RESOLVED := cases/prostate/case.toml
 TRAIN := cases/prostate-train/case.toml
 DEBIAN := libegl1 libgl1 libgl1-mesa-dri libxrender1
-DRAWS := $(BIN)/python -c "from needlefem.plotting.backend import renderer; renderer()"
+DRAWS := $(BIN)/python -c "from needlefem.plotting.images import renderer; renderer()"
 
 # what a bare Debian lacks: python3-venv for the environment, Mesa for pictures
 # dense products are small here: threads only cost

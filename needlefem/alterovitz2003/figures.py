@@ -6,14 +6,19 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.alterovitz2003.figures_targets import draw_moved_target, draw_targets_hit
-from needlefem.alterovitz2003.figures_turning import draw_turning
+from needlefem._arrays import Floats, Points, Vector
 from needlefem.errors import SimulationError
+from needlefem.insertion.result import Insertion
 from needlefem.io.result_folder import write_text
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, Release
-from needlefem.plotting.plan_figures import draw_depth, draw_height, planner_of
+from needlefem.plotting.canvas import Canvas
+from needlefem.plotting.figures import draw_depth, draw_height, planner_of
+from needlefem.plotting.images import Style, renderer, save
+from needlefem.plotting.panel import Panel, Window
 from needlefem.plotting.stages import draw_stages
+from needlefem.plotting.timeline import Timeline
+from needlefem.plotting.view import TissueView, ViewOptions
 from needlefem.scene import Scene
 from needlefem.studies.targets import TargetTable, draw_targets, target_table
 
@@ -184,3 +189,155 @@ def _targets(table: TargetTable) -> Figure:
             ("left by the searches, mean", "0.002 cm", _error(table.planned_mean)),
         ),
     )
+
+
+# Fig. 4 and 7: a target that moves with the tissue; many targets without and with plans.
+
+
+AROUND = 0.024
+"""Width of what Fig. 4 shows around the target, m."""
+
+
+def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: Path) -> float:
+    """Draw a target in the reference (cross) and in the world (dot), before and at a depth.
+
+    Returns how far apart they are there, m.
+    """
+    film, style = Timeline(insertion), Style()
+    plotter = renderer().Plotter(
+        off_screen=True, shape=(1, 2), window_size=[1600, 800], border=False
+    )
+    plotter.set_background(style.background)
+    moments = film.undeformed(), film.moments([film.time_at(depth)])[0]
+    moved = film.model.displacement_at(moments[1].u, target[None])[0]
+    size = float(np.linalg.norm(moved))
+    texts = ("before: both coincide", f"depth {100 * depth:.2f} cm: {1000 * size:.2f} mm apart")
+    radius = insertion.scene.needle.tip_radius
+    for number, (moment, text) in enumerate(zip(moments, texts, strict=True)):
+        plotter.subplot(0, number)
+        canvas = Canvas(plotter, insertion.axis, style)
+        TissueView(canvas, film, ViewOptions(style=style)).show(moment)
+        panel = Panel(plotter, style)
+        there = target + number * moved
+        if number:
+            canvas.needle(insertion.axis.tip_position(depth), radius, 0.2)
+            canvas.polyline(np.stack([target, there]), style.target, 3.0, 9)
+        canvas.disc(there, 0.9 * radius, style.seed, 6)
+        canvas.target(target, 1.0 * radius)
+        centre = canvas.screen(target + 0.5 * moved)[0, :2]
+        panel.look(Window(centre, AROUND, AROUND))
+        panel.line(text)
+        panel.note("cross: in the reference, dot: in the world")
+    save(plotter, path)
+    return size
+
+
+def draw_targets_hit(scene: Scene, table: TargetTable, path: Path) -> Path:
+    """Draw targets and where seeds come to rest, without (left) and with plans (right)."""
+    plans = table.plans
+    columns = (
+        ("without planning: mean error", [plan.unplanned for plan in plans], table.unplanned_mean),
+        (
+            "with planning: left by the searches, mean",
+            [plan.best for plan in plans],
+            table.planned_mean,
+        ),
+    )
+    style, targets = Style(), [plan.target for plan in plans]
+    plotter = renderer().Plotter(
+        off_screen=True, shape=(1, 2), window_size=[1600, 860], border=False
+    )
+    plotter.set_background(style.background)
+    film = Timeline(plans[0].level)
+    for number, (title, releases, mean) in enumerate(columns):
+        plotter.subplot(0, number)
+        canvas, panel = Canvas(plotter, film.insertion.axis, style), Panel(plotter, style)
+        TissueView(canvas, film, ViewOptions(style=style)).show(film.undeformed())
+        _placements(canvas, targets, releases, scene.needle.tip_radius)
+        near = np.vstack([canvas.screen(r.contour.points) for r in scene.regions.values()])
+        panel.look(Window.around(near, 0.1))
+        panel.line(f"{title} {_length(mean)}")
+        panel.note("cross: target, dot: seed")
+    return save(plotter, path)
+
+
+def _placements(
+    canvas: Canvas, targets: Sequence[Vector], releases: Sequence[Release | None], radius: float
+) -> None:
+    for target, release in zip(targets, releases, strict=True):
+        if release is not None:
+            ends = np.stack([target, release.placed_at])
+            canvas.polyline(ends, canvas.style.target, 2.5, 4)
+            canvas.disc(release.placed_at, 0.6 * radius, canvas.style.seed, 6)
+        canvas.target(target, 0.9 * radius)
+
+
+def _length(value: float) -> str:
+    return f"{100 * value:.2f} cm" if value >= 1e-4 else f"{100 * value:.1e} cm"
+
+
+# Fig. 3: the organ turns when the needle pushes against its lower half.
+
+
+SIZE = (1280, 900)
+DASHES = 36
+
+
+def turned(before: Points, after: Points) -> float:
+    """Return the rotation that best moves points (n, 2) onto others, rad, counter-clockwise.
+
+    The least squares of G. Wahba (1965), in the plane.
+    """
+    a, b = before - before.mean(axis=0), after - after.mean(axis=0)
+    cross = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+    return float(np.arctan2(cross, float(np.sum(a * b))))
+
+
+def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
+    """Draw the first region before and during an insertion; return its turn as seen, rad."""
+    film, style = Timeline(insertion), Style()
+    plotter = renderer().Plotter(off_screen=True, window_size=list(SIZE), border=False)
+    plotter.set_background(style.background)
+    canvas = Canvas(plotter, insertion.axis, style)
+    start, moment = film.undeformed(), film.moments([film.time_at(depth)])[0]
+    before, after = start.contours[0], moment.contours[0]
+    angle = turned(canvas.screen(before)[:, :2], canvas.screen(after)[:, :2])
+    panel = Panel(
+        plotter, style, lines=1,
+        legend=((style.support, "undeformed"), (style.outline, "deformed"),
+                (style.path, "turn")),
+    )  # fmt: skip
+    TissueView(canvas, film, ViewOptions(style=style)).show(moment)
+    _dashed(canvas, before, style.support)
+    for middle, turn, colour in (
+        (before.mean(axis=0), 0.0, style.support),
+        (after.mean(axis=0), angle, style.path),
+    ):
+        canvas.polyline(_hand(canvas, middle, before, turn), colour, 4.0, 3)
+    canvas.needle(insertion.axis.tip_position(depth), insertion.scene.needle.tip_radius, 0.2)
+    near = np.vstack([canvas.screen(before), canvas.screen(after)])
+    panel.look(Window.around(near, 0.45))
+    way = "clockwise" if angle < 0.0 else "counter-clockwise"
+    panel.line(
+        f"turned {abs(np.degrees(angle)):.1f}\u00b0 {way} at a depth of {100 * depth:.2f} cm"
+    )
+    save(plotter, path)
+    return angle
+
+
+def _hand(canvas: Canvas, middle: Vector, outline: Points, angle: float) -> Points:
+    """Return the ends of an upright diameter that is turned by an angle on the screen."""
+    size = 0.5 * float(np.ptp(canvas.screen(outline)[:, 1]))
+    arm: Floats = -canvas.axis.direction * -np.sin(angle) + canvas.axis.lateral_directions[
+        0
+    ] * np.cos(angle)
+    return np.stack([middle - size * arm, middle + size * arm])
+
+
+def _dashed(canvas: Canvas, ring: Points, colour: str) -> None:
+    closed = np.vstack([ring, ring[:1]])
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    ends = np.linspace(0.0, length[-1], 2 * DASHES + 1)
+    at = np.stack([np.interp(ends, length, closed[:, k]) for k in range(closed.shape[1])], axis=1)
+    for number in range(DASHES):
+        canvas.polyline(at[2 * number : 2 * number + 2], colour, 2.5, 2.5)

@@ -15,10 +15,10 @@ from needlefem.casefile.load import load_case
 from needlefem.checks.work_precision import Point, front
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
+from needlefem.planning.adaptive import ReferenceSolution
 from needlefem.planning.plan import plan
-from needlefem.planning.reference_solution import ReferenceSolution
 from needlefem.planning.result import Plan, PlanStatus
-from needlefem.plotting.svg_charts import ChartLine, loglog
+from needlefem.plotting.verification_report import ChartLine, loglog
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 from needlefem.scene.resolve import resolve, with_element
 

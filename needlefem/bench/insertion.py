@@ -15,7 +15,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.surface import Entry
-from needlefem.plotting.svg_charts import Bar, bars
+from needlefem.plotting.verification_report import Bar, bars
 
 ROUNDS = 15
 WARM = 201

@@ -4,7 +4,6 @@ import dataclasses
 import typing
 from typing import Any
 
-from needlefem._parameter import ParameterInfo, parameter_info
 from needlefem.geometry.image_frame import ImageFrame, Voxels
 from needlefem.materials import LAWS
 from needlefem.scene import (
@@ -24,6 +23,7 @@ from needlefem.scene import (
     Support,
     TargetDraw,
 )
+from needlefem.validation import ParameterInfo, parameter_info
 
 TABLES: dict[str, type] = {
     "`[mesh]`": BoxMesh,

@@ -1,22 +1,31 @@
-"""Case files: TOML in, a `Scene` out, and every mistake answered with a line."""
+"""What a case says its results must be."""
 
 import dataclasses
+import json
 import tomllib
-from collections.abc import Sequence
+import typing
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from needlefem._inputfile import read_text
-from needlefem._toml import assignment, key_parts
-from needlefem.casefile.expectations import read_expectations
-from needlefem.casefile.meshunit import refuse_wrong_unit
-from needlefem.casefile.openkeys import refuse_open
-from needlefem.casefile.reader import CaseReader
-from needlefem.casefile.tables import Table, required, table, tables
+from needlefem._toml import assignment, key_of, key_parts, quoted
+from needlefem.casefile.reader import (
+    CaseReader,
+    Table,
+    refuse_open,
+    refuse_wrong_unit,
+    required,
+    table,
+    tables,
+)
 from needlefem.errors import CaseError, short
 from needlefem.geometry.image_frame import ImageFrame
+from needlefem.io.expectations import check_key
+from needlefem.io.saved_result import SavedResult, load_result
 from needlefem.scene import (
     Discretisation,
+    Expectation,
     FileMesh,
     Limits,
     Motion,
@@ -28,7 +37,65 @@ from needlefem.scene import (
     TargetDraw,
     canonical,
 )
-from needlefem.validation import refuse_unknown
+from needlefem.units import UNITS, parse_quantity
+from needlefem.validation import made, refuse_unknown
+
+
+def read_expectations(items: Any, axes: Sequence[str]) -> tuple[Expectation, ...]:
+    """Return the expectations of a case: its [[expect]] tables; `axes` may pick coordinates."""
+    if not isinstance(items, list):
+        raise CaseError("expect", f"{short(items)} is not a list of tables", "write [[expect]]")
+    found = tuple(read_expectation(item, number) for number, item in enumerate(items))
+    for number, item in enumerate(found):
+        check_key(item.key, axes, f"expect.{number}.key")
+    return found
+
+
+def read_expectation(item: Any, number: int) -> Expectation:
+    """Return the expectation of one [[expect]] table; `number` counts them."""
+    prefix = f"expect.{number}"
+    if not isinstance(item, dict):
+        raise CaseError(prefix, f"{short(item)} is not a table", "write [[expect]]")
+    refuse_unknown(item, ("key", "value", "tolerance", "kind", "source"), prefix)
+    value, unit = _any_quantity(required(item, "value", prefix), f"{prefix}.value")
+    tolerance = None
+    if "tolerance" in item:
+        bound, _ = _any_quantity(item["tolerance"], f"{prefix}.tolerance")
+        if isinstance(bound, tuple):
+            raise CaseError(f"{prefix}.tolerance", "a list", "write one number")
+        tolerance = bound
+    fields = {
+        "key": required(item, "key", prefix),
+        "value": value,
+        "tolerance": tolerance,
+        "unit": unit,
+        "kind": item.get("kind", ""),
+        "source": item.get("source", ""),
+    }
+    found: Expectation = made(lambda: Expectation(**fields), Expectation.TABLE, prefix)
+    return found
+
+
+def _any_quantity(raw: Any, key: str) -> tuple[float | tuple[float, ...], str]:
+    """Return a value in SI and its unit ('' for a plain number); a list gives a tuple."""
+    if isinstance(raw, list):
+        if not raw or any(isinstance(item, list) for item in raw):
+            raise CaseError(key, f"{short(raw)} is not a point", "give a number for each axis")
+        parts = [_any_quantity(item, key) for item in raw]
+        return tuple(typing.cast(float, value) for value, _ in parts), parts[0][1]
+    if isinstance(raw, int | float) and not isinstance(raw, bool):
+        return float(raw), ""
+    unit = str(raw).strip().partition(" ")[2].strip()
+    for dimension, units in UNITS.items():
+        if unit in units:
+            return parse_quantity(raw, dimension, key), unit
+    raise CaseError(
+        key, f"{short(raw)} is no number with a unit", "write a number, or one with a unit"
+    )
+
+
+# Case files: TOML in, a `Scene` out, and every mistake answered with a line.
+
 
 SCHEMA_VERSION = 1
 PLANE = 2
@@ -168,3 +235,70 @@ def _axes(data: Table) -> tuple[str, ...]:
     ):
         raise CaseError("axes", short(axes), 'name two different axes, such as ["y", "z"]')
     return tuple(axes)
+
+
+# A result's case, read again from what ``run --out`` or ``plan --out`` wrote.
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SavedCase:
+    """A case that a result came from.
+
+    Parameters
+    ----------
+    scene : Scene
+        With the result's overrides.
+    record : mapping
+        What was written.
+    """
+
+    scene: Scene
+    record: Mapping[str, Any]
+
+    @property
+    def planned(self) -> bool:
+        """Whether the result is a plan's."""
+        return "release_point" in self.record
+
+
+def read_again(path: str | Path) -> SavedCase:
+    """Read the case of a result.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder with ``run.json`` or ``plan.json``, or one of these files.
+
+    Raises
+    ------
+    CaseError
+        There is no result, or it does not say from which case it came.
+    """
+    saved = load_result(path)
+    if saved.kind not in ("run", "plan") or not saved.record.get("source"):
+        remedy = "write it anew with run --out or plan --out"
+        raise CaseError(str(path), "does not say from which case it came", remedy)
+    assignments = [
+        f"{key}={_toml(value, key, saved.path)}" for key, value in saved.record["overrides"].items()
+    ]
+    return SavedCase(load_case(_source(saved), assignments), saved.record)
+
+
+def _source(saved: SavedResult) -> Path:
+    """Return the case's path; where it is not there any more, that of one beside the result."""
+    source = Path(saved.record["source"])
+    beside = saved.path.parent / source.name
+    return beside if not source.exists() and beside.is_file() else source
+
+
+def _toml(value: Any, key: str, file: Path) -> str:
+    """Return a value of JSON as TOML."""
+    if isinstance(value, list):
+        return f"[{', '.join(_toml(item, key, file) for item in value)}]"
+    if isinstance(value, dict):
+        inner = (f"{key_of(name)} = {_toml(item, key, file)}" for name, item in value.items())
+        return f"{{{', '.join(inner)}}}"
+    if value is None:
+        problem = f"'overrides' in '{file}' has null for '{key}'"
+        raise CaseError("result", problem, "write it anew with run --out or plan --out")
+    return quoted(value) if isinstance(value, str) else json.dumps(value)

@@ -1,23 +1,123 @@
-"""Fill dataclasses from tables by what their fields declare."""
+"""TOML tables and what can be wrong with them."""
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from needlefem._arrays import SkfemMesh
+from needlefem._arrays import Floats, SkfemMesh
+from needlefem._toml import dotted_key
 from needlefem.casefile.contourfile import read_contour
-from needlefem.casefile.tables import Table, required
 from needlefem.errors import CaseError, nearest, short
 from needlefem.geometry.contour import Contour
-from needlefem.materials import Material, law_class, volumetric_split
-from needlefem.materials.catalogue import tissue_table
+from needlefem.materials import LAWS, Material, law_class, volumetric_split
+from needlefem.materials.catalogue import library, tissue_table
 from needlefem.mesh.file import read_mesh
-from needlefem.mesh.generation import group_cells, outline, parts
-from needlefem.scene import BoxMesh, FileMesh, Obstacle, Region, Support
-from needlefem.units import parse_quantity
-from needlefem.validation import dotted, filled, made, path_of
+from needlefem.mesh.generation import cell_sizes, group_cells, outline, parts
+from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Obstacle, Region, Scene, Support
+from needlefem.units import UNITS, dimension_of, parse_quantity
+from needlefem.validation import dotted, filled, made, parameter_info, path_of
+
+Table = Mapping[str, Any]
+
+
+def table(data: Table, key: str) -> Table:
+    """Return a sub-table, or raise a `CaseError` if it is missing or none."""
+    found = required(data, key, "")
+    if not isinstance(found, dict):
+        raise CaseError(key, f"{short(found)} is not a table", f"write [{key}]")
+    return found
+
+
+def tables(data: Table, key: str) -> dict[str, Table]:
+    """Return a group of named sub-tables; empty when there is none."""
+    group = data.get(key, {})
+    if not isinstance(group, dict) or not all(isinstance(t, dict) for t in group.values()):
+        raise CaseError(key, "must hold one table for every name", f"write [{key}.name]")
+    return group
+
+
+def required(table: Table, key: str, prefix: str) -> Any:
+    """Return the value of a key, or raise a `CaseError` if it is missing."""
+    if key not in table:
+        where = f"[{prefix}]" if prefix else "the case"
+        raise CaseError(dotted(prefix, key), "missing", f"add it to {where}")
+    return table[key]
+
+
+# Keys that a case leaves open: ``"?"``, as ``needlefem new`` writes what its file can't say.
+
+
+OPEN = "?"
+_CLASSES: dict[str, tuple[type, ...]] = {
+    "mesh": (FileMesh, BoxMesh),
+    "regions": (Region,),
+    "supports": (Support,),
+    "needle": (Needle,),
+    "motion": (Motion,),
+}
+_SENTENCES = {
+    "target.point": 'the point to hit, such as ["1.5 cm", "3 cm"]',
+    "tissue.background": "the material outside all regions",
+}
+
+
+def refuse_open(data: Table, file: str = "") -> None:
+    """Raise a `CaseError` for the first value that is ``"?"``; it names the file and the others."""
+    keys = [path for path in _open_keys(data, ()) if not _is_name(data, path)]
+    if not keys:
+        return
+    rest = f"; so are {', '.join(map(dotted_key, keys[1:]))}" if len(keys) > 1 else ""
+    key = dotted_key(keys[0])
+    where = f" in {file}" if file else ""
+    raise CaseError(key, f"'{OPEN}' is still open{where}{rest}", f"write {_what(keys[0])}")
+
+
+def _is_name(data: Table, path: tuple[str, ...]) -> bool:
+    """Say whether a key's value is somebody's name for a thing, of which ``"?"`` may be one."""
+    if path == ("title",) or path[-1] in ("group", "file"):
+        return True
+    materials = data.get("materials")
+    return path[-1] in ("material", "background") and isinstance(materials, dict) and (
+        OPEN in materials
+    )  # fmt: skip
+
+
+def _open_keys(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    if node == OPEN:
+        yield path
+    elif isinstance(node, dict):
+        for key, value in node.items():
+            yield from _open_keys(value, (*path, str(key)))
+    elif isinstance(node, list) and OPEN in node:
+        yield path
+
+
+def _what(path: tuple[str, ...]) -> str:
+    """Return what belongs to a key, from its field's own declaration."""
+    name, dotted = path[-1], ".".join(path)
+    if name == "tissue" and path[0] == "materials":
+        return f"a tissue of the library ({', '.join(library())}) or its constants instead"
+    for cls in tuple(LAWS.values()) if path[0] == "materials" else _CLASSES.get(path[0], ()):
+        for field in dataclasses.fields(cls):
+            declared = parameter_info(field)
+            if field.name == name and declared is not None:
+                sentence = declared.sentence[0].lower() + declared.sentence[1:]
+                return sentence + _example(declared.dimension)
+    return _SENTENCES.get(dotted, "its value")
+
+
+def _example(dimension: str | None) -> str:
+    if dimension is None:
+        return ""
+    unit = next(iter(UNITS[dimension_of(dimension)]))
+    return f', such as "1 {unit}"'
+
+
+# Fill dataclasses from tables by what their fields declare.
+
 
 CONTOUR_KEYS = ("contour", "offset", "unit")
 """Where an outline is; the rest of a table is what it means."""
@@ -137,3 +237,64 @@ def text_of(table: Table, name: str, prefix: str) -> str:
     if not isinstance(raw, str):
         raise CaseError(dotted(prefix, name), f"{short(raw)} is not a text", "write a text")
     return raw
+
+
+# A mesh file in another unit than the case says: found by what else the case holds.
+
+
+MESH_UNITS = {"1 um": 1e-6, "1 mm": 1e-3, "1 cm": 1e-2, "1 m": 1.0}
+"""Units in which meshes are written."""
+MARGIN = 0.1
+"""Share of the mesh's extent by which a point may lie outside of the box around it."""
+COARSEST = 4.0
+"""Element size over the tip radius above which no needle is simulated; see `needle_resolution`."""
+
+
+def refuse_wrong_unit(scene: Scene, mesh: SkfemMesh, unit: float) -> None:
+    """Refuse a unit that nothing fits where another one lets everything fit.
+
+    What must fit: target and entry lie in the mesh, the tip is narrower than the tissue, and the
+    smallest elements can resolve the tip.
+
+    Parameters
+    ----------
+    scene : Scene
+    mesh : skfem.Mesh
+        As read, in metres.
+    unit : float, m
+        With which it was read.
+
+    Raises
+    ------
+    CaseError
+        The scene does not fit the mesh; it does in a unit of `MESH_UNITS`, which the message names.
+    """
+    low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
+    least = float(cell_sizes(mesh).min())
+    points = [np.array(p) for p in (scene.target, scene.motion.entry or None) if p is not None]
+    misfit = _misfit(scene, low, high, least, points)
+    if misfit is None:
+        return
+    for text, other in MESH_UNITS.items():
+        factor = other / unit
+        if _misfit(scene, factor * low, factor * high, factor * least, points) is None:
+            wide = " x ".join(f"{length:.3g}" for length in 1e3 * (high - low))
+            problem = f"the mesh is {wide} mm in this unit, and {misfit}"
+            raise CaseError("mesh.unit", problem, f'write unit = "{text}"')
+
+
+def _misfit(
+    scene: Scene, low: Floats, high: Floats, least: float, points: list[Floats]
+) -> str | None:
+    """Return what does not fit a mesh between two corners with elements of a least size."""
+    radius, extent = scene.needle.tip_radius, high - low
+    if 2.0 * radius > extent.min():
+        return f"the tip is {2e3 * radius:.3g} mm wide"
+    if least > COARSEST * radius:
+        return f"its smallest element has {1e3 * least:.3g} mm, the tip's radius is " + (
+            f"{1e3 * radius:.3g} mm"
+        )
+    for point in points:
+        if np.any((point < low - MARGIN * extent) | (point > high + MARGIN * extent)):
+            return f"({', '.join(f'{100.0 * x:.3g}' for x in point)}) cm lies outside"
+    return None

@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Points, SkfemMesh
 from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.modal import modes
+from needlefem.dynamics.system import modes
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import gauss, simplex
 from needlefem.fem.tissue_model import TissueModel

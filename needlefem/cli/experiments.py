@@ -4,14 +4,22 @@ What proves the package lies beside its reference problems and is not installed.
 the folder `VERIFICATION` of the working directory, as the reference problems are.
 """
 
+import argparse
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 
 from needlefem._table import Table
 from needlefem.bench import BENCHMARKS
+from needlefem.casefile.load import load_case
 from needlefem.checks.reference_problem import make_importable
+from needlefem.cli.common import named, say, say_json
+from needlefem.cli.ignored import refuse_unused_options
+from needlefem.cli.info import machine
 from needlefem.errors import CaseError, nearest
+from needlefem.io.expectations import judged
+from needlefem.io.result_folder import held_by, probe, write_json, write_text
+from needlefem.plotting.verification_report import chart_page
 from needlefem.scene import Scene
 from needlefem.studies import STUDIES
 
@@ -41,7 +49,7 @@ def study(name: str) -> Study:
     """Return a study by name, or raise a `CaseError` with the nearest name."""
     _require("study", name, studies())
     if name in PAPER:
-        module = "needlefem.alterovitz2003.study"
+        module = "needlefem.alterovitz2003.plan"
     else:
         module = f"{'needlefem' if name in STUDIES else VERIFICATION}.studies.{name}"
     found: Study = import_module(module).study
@@ -87,3 +95,76 @@ def _of_verification(room: str, table: str) -> dict[str, str]:
     make_importable(folder)
     found: dict[str, str] = getattr(import_module(f"{VERIFICATION}.{room}"), table)
     return found
+
+
+# ``needlefem bench``.
+
+
+def run_benchmark(options: argparse.Namespace) -> int:
+    """Run a benchmark on a case and print its table; 1 if a ratio is beyond its bound."""
+    if options.benchmark == "list":
+        for name, sentence in benchmarks().items():
+            say(f"{name:14s}{sentence}")
+        return 0
+    run = benchmark(options.benchmark)
+    folder = None if options.out is None else Path(named(options.out))
+    if folder is not None:
+        _free(folder, options.benchmark)
+    if options.against is not None:
+        run = comparison(options.benchmark, Path(named(options.against)))
+    table = run(options.case)
+    record = {"benchmark": options.benchmark, **table.record(), "machine": machine()}
+    if folder is not None:
+        (folder / f"{options.benchmark}.html").unlink(missing_ok=True)
+        write_json(folder / f"{options.benchmark}.json", record)
+        if table.charts:
+            write_text(folder / f"{options.benchmark}.html", chart_page(table.title, table.charts))
+    if options.json:
+        say_json(record)
+    else:
+        say(table.text())
+    return 0 if table.passed else 1
+
+
+def _free(folder: Path, name: str) -> None:
+    """Refuse, before anything is measured, a folder that can't be written or has other files.
+
+    The results of several benchmarks may lie in one folder.
+    """
+    held = held_by(folder)
+    if held is not None:
+        problem = f"'{folder}' holds the result of '{held}'"
+        raise CaseError("--out", problem, "give another folder, or remove it")
+    page, data = folder / f"{name}.html", folder / f"{name}.json"
+    if page.exists() and not data.exists():
+        raise CaseError("--out", f"'{page}' is no result of this command", "give another folder")
+    probe(data)
+    probe(page)
+
+
+# ``needlefem study``.
+
+
+def run_study(options: argparse.Namespace) -> int:
+    """Run a study on a case and print its tables; 1 if something demanded doesn't hold."""
+    if options.study == "list":
+        for name, sentence in studies().items():
+            say(f"{name:14s}{sentence}")
+        return 0
+    run = study(options.study)
+    if options.study not in PAIRED:
+        unused = f"study '{options.study}' looks at one case"
+        refuse_unused_options(options, [("on", unused)])
+    scene = load_case(options.case, options.overrides)
+    other = load_case(options.on) if options.on else None
+    tables = run(scene, other)
+    summary = {key: value for table in tables for key, value in table.summary.items()}
+    expected, why = judged(scene, summary, options.study)
+    if expected is not None:
+        tables.append(expected)
+    if options.json:
+        record = {"study": options.study, "tables": [table.record() for table in tables]}
+        say_json(record | {"expect_skipped": why or None})
+    else:
+        say("\n\n".join([*(table.text() for table in tables), *([why] if why else [])]))
+    return 0 if all(table.passed for table in tables) else 1

@@ -17,7 +17,8 @@ from importlib import import_module
 from typing import NoReturn
 
 from needlefem._progress import doing, telling
-from needlefem.cli import newoptions, streams
+from needlefem.cli import new as newoptions
+from needlefem.cli import streams
 from needlefem.errors import NeedlefemError, OutputError
 
 COMMANDS = {

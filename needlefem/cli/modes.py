@@ -12,7 +12,7 @@ from needlefem.casefile.load import load_case
 from needlefem.cli.common import result_of, say, say_json, undrawn, warn
 from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.dynamics import TissueSystem, critical_step
-from needlefem.dynamics.modal import modes
+from needlefem.dynamics.system import modes
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.io.result_folder import ResultFolder, write_json
 from needlefem.io.vtu import write_vtu
@@ -67,7 +67,7 @@ def _found(
     _write(result.path, record, system, shapes)
     if options.no_pictures:
         return record, None
-    from needlefem.plotting.mode_figures import draw_modes  # noqa: PLC0415
+    from needlefem.plotting.figures import draw_modes  # noqa: PLC0415
 
     fields = [system.nodal(shape) for shape in shapes.T]
     return record, undrawn(lambda: draw_modes(scene, model, hertz, fields, result.path / PICTURE))

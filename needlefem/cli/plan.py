@@ -21,14 +21,14 @@ from needlefem.io.records import origin, plan_record
 from needlefem.io.result_folder import write_json
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Evidence, Plan, PlanStatus
-from needlefem.plotting.scanner import scanner_lines, with_scanner
+from needlefem.plotting.quantities import scanner_lines, with_scanner
 from needlefem.scene import Scene
 
 
 def main(options: argparse.Namespace) -> int:
     """Plan, print, write; return the exit status."""
     if options.method == "paper":
-        from needlefem.cli.planpaper import plan_by_paper  # noqa: PLC0415
+        from needlefem.cli.figures import plan_by_paper  # noqa: PLC0415
 
         return plan_by_paper(options)
     scene = load_case(options.case, options.overrides)
@@ -65,7 +65,7 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _draw(found: Plan, folder: Path) -> list[Path]:
-    from needlefem.plotting.plan_figures import draw_plan  # noqa: PLC0415
+    from needlefem.plotting.figures import draw_plan  # noqa: PLC0415
 
     return draw_plan(found.insertion.scene, found, folder)
 

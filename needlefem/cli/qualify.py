@@ -14,7 +14,7 @@ from needlefem.dynamics import NAMES, integrator_class
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, nearest
 from needlefem.materials import LAWS
-from needlefem.materials.example import example
+from needlefem.materials.catalogue import example
 
 EVERY = "all"
 

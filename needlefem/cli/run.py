@@ -20,14 +20,13 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options, unused_keys
 from needlefem.errors import NoRendererError
+from needlefem.insertion.cut_path import TipPoint
+from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.energy_balance import energy_terms
+from needlefem.insertion.postprocess import StrainCheck, validity
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Discretised, Simulation, discretised
-from needlefem.insertion.trajectory import TipPoint
-from needlefem.insertion.trajectory import TipTrajectory as CutPath
-from needlefem.insertion.validity import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
-from needlefem.io.histories import History, recorded_states
 from needlefem.io.records import (
     energy_record,
     insertion_record,
@@ -36,10 +35,11 @@ from needlefem.io.records import (
     seed_record,
 )
 from needlefem.io.result_folder import ResultFolder, write_json
+from needlefem.io.vtu import History, recorded_states
 from needlefem.needle.clearance import passings
-from needlefem.plotting.motion_figures import draw_forces, draw_sticking
-from needlefem.plotting.scanner import scanner_lines, with_scanner
-from needlefem.plotting.snapshots import write_snapshots
+from needlefem.plotting.figures import draw_forces, draw_sticking
+from needlefem.plotting.quantities import scanner_lines, with_scanner
+from needlefem.plotting.render import write_snapshots
 from needlefem.scene import Scene
 from needlefem.scene.limits import check_count
 

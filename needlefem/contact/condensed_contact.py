@@ -1,18 +1,101 @@
-"""Contact between needle and tissue in terms of the tissue's responses.
+"""What the needle touches, as linear functionals of the displacement."""
 
-Everything that touches the needle is a linear functional of the displacement: the mean over the
-tip's kernel, the mean over a piece of the cut path. The tissue enters through the responses of
-these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Lateral forces on
-the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
-"""
+import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from needlefem._arrays import Floats, Ints, enlarged
-from needlefem.contact.functionals import AxialCompliance, ContactSegment, ContactTrial
-from needlefem.fem.compliance import ComplianceOperator
+from needlefem.fem.compliance import ComplianceColumns, ComplianceOperator
 from needlefem.fem.interpolation import LinearFunctionals
+
+
+class ContactSegment(NamedTuple):
+    """A functional of the displacement that belongs to the needle.
+
+    Parameters
+    ----------
+    nodes : array, shape (k,)
+    weights : array, shape (k,)
+        The functional is ``sum_k weights[k] u[nodes[k]]``.
+    offset : array, shape (dim - 1,), m
+        Lateral offset from the axis of the material that it stands for, undeformed.
+    compliance : float, m/N
+        Of its lateral hold.
+    """
+
+    nodes: Ints
+    weights: Floats
+    offset: Floats
+    compliance: float
+
+
+class ContactTrial(NamedTuple):
+    """Functionals tried beside the path, and the tissue's response to loads on them.
+
+    Rows are functional-major: for each functional the axial, then the lateral components.
+
+    Parameters
+    ----------
+    weights : LinearFunctionals
+        The functionals.
+    loads : array, shape (rows, n)
+        Loads on touched dofs for unit forces on the functionals.
+    rows : array, shape (n,)
+        Rows that these dofs have among the responses.
+    response : ComplianceColumns
+        Displacement for these loads.
+    bare : array, shape (rows, rows), m/N
+        Response to unit forces with the path's lateral forces unchanged.
+    coupling : array, shape (rows, path rows), m/N
+        Response to unit forces on the path's pieces.
+    half : array, shape (path laterals, rows)
+        ``L^-1`` times the lateral part of the coupling, transposed.
+    compliance : array, shape (rows, rows), m/N
+        Response to unit forces when the path's lateral forces follow.
+    displacement : array, shape (rows,), m
+        Displacement without any force on the functionals tried.
+    """
+
+    weights: LinearFunctionals
+    loads: Floats
+    rows: Ints
+    response: ComplianceColumns
+    bare: Floats
+    coupling: Floats
+    half: Floats
+    compliance: Floats
+    displacement: Floats
+
+
+class AxialCompliance(NamedTuple):
+    """Axial displacement of the covered pieces when lateral forces follow.
+
+    Parameters
+    ----------
+    compliance : array, shape (covered, covered), m/N
+        Response to axial forces on them.
+    displacement : array, shape (covered,), m
+        Without axial forces.
+    half : array, shape (covered laterals, covered)
+        ``L^-1`` times the response of lateral to axial components.
+    held : array, shape (covered laterals,)
+        ``L^-1`` times what the lateral hold has to close without axial forces.
+    """
+
+    compliance: Floats
+    displacement: Floats
+    half: Floats
+    held: Floats
+
+
+# Contact between needle and tissue in terms of the tissue's responses.
+#
+# Everything that touches the needle is a linear functional of the displacement: the mean over the
+# tip's kernel, the mean over a piece of the cut path. The tissue enters through the responses of
+# these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Lateral forces on
+# the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
 
 
 class CondensedContact:
@@ -279,3 +362,105 @@ class CondensedContact:
         if self.background is not None:
             tried += (trial.weights.of(self.background) @ self.frame.T).ravel()
         return np.concatenate([pieces, tried]).reshape(-1, self.dim)
+
+
+# Axial forces of needle and tissue on each other in one step: what sticks and what slips.
+#
+# Unknowns are the friction force on every covered piece, on the piece that the tip is in, and the
+# axial force of the tip. Lateral forces follow and are eliminated. With friction between its
+# limits, and the tip's force between nothing and that of cutting, the forces minimise a convex
+# potential under bounds (`boxed`), and the gradient is how far the needle slips.
+
+
+# Kernel: axial equations of shaft and tip with all lateral forces eliminated.
+#     u_e = u_0 + S z
+# u_e     axial displacement of the segments and of the tip's kernel, m
+# u_0     the same without axial forces, m
+# S       W_ee - W_en (W_nn + D)^-1 W_ne, m/N (m^2/N in 2D)
+# z       axial forces on the segments and on the tip, N (N/m in 2D)
+# Source: static condensation, R. J. Guyan, AIAA Journal 3 (1965) 380; docs/theory.md, (8), (10).
+@dataclasses.dataclass(frozen=True, eq=False)
+class ShaftEquations:
+    """Axial displacements as affine functions of axial forces, ``u = free + compliance z``.
+
+    Rows and forces `z` are those of the covered pieces, of the piece that the tip is in, and of
+    the tip. The trial's functionals are the tip's kernel (first) and that piece (second).
+
+    Parameters
+    ----------
+    trial : ContactTrial
+    sliding : AxialCompliance
+        Of the covered pieces.
+    compliance : array, shape (n, n), m/N
+    free : array, shape (n,), m
+    hold : array, shape (dim - 1, n + 1), N/N and N
+        Lateral force on the tip's piece: part per unit of axial forces, and constant part.
+    sideways : array, shape (dim - 1, n + 1), m/N and m
+        Lateral displacement of the tip's kernel, in the same way.
+    """
+
+    trial: ContactTrial
+    sliding: AxialCompliance
+    compliance: Floats
+    free: Floats
+    lateral_force_map: Floats
+    lateral_displacement_map: Floats
+
+    @classmethod
+    def build(
+        cls,
+        contact: CondensedContact,
+        sliding: AxialCompliance,
+        trial: ContactTrial,
+        offset: Floats,
+        stiffness: float,
+    ) -> "ShaftEquations":
+        """Eliminate all lateral forces.
+
+        Parameters
+        ----------
+        contact : CondensedContact
+        sliding : AxialCompliance
+            As `contact.sliding()` gives it now.
+        trial : ContactTrial
+            Tried against the same path.
+        offset : array, shape (dim - 1,), m
+            Lateral offset from the axis of the material of the tip's piece, undeformed.
+        stiffness : float, N/m
+            Of its lateral hold.
+        """
+        dim, count = contact.dim, contact.covered
+        cross = trial.coupling[:, ::dim] - trial.half.T @ sliding.half
+        bare = trial.half.T @ sliding.held
+        if contact.background is not None:
+            bare = bare + (trial.weights.of(contact.background) @ contact.frame.T).ravel()
+        axial, end = [dim, 0], slice(dim + 1, 2 * dim)
+        columns = np.hstack([cross, trial.compliance[:, axial]])  # of the trial's rows
+        compliance = np.zeros((count + 2, count + 2))
+        compliance[:count, :count] = sliding.compliance
+        compliance[:count, count:] = cross[axial].T
+        compliance[count:] = columns[axial]
+        free = np.concatenate([sliding.displacement, bare[axial]])
+        # the piece's lateral force, and what it does to all others
+        spring = np.eye(dim - 1) + stiffness * trial.compliance[end, end]
+        rhs = np.column_stack([columns[end], offset + bare[end]])
+        hold: Floats = -stiffness * np.linalg.solve(spring, rhs).astype(float)
+        back = columns[end].T
+        sideways = np.column_stack([columns[1:dim], bare[1:dim]])
+        sideways += trial.compliance[1:dim, end] @ hold
+        compliance += back @ hold[:, :-1]
+        return cls(trial, sliding, 0.5 * (compliance + compliance.T), free + back @ hold[:, -1],
+                   hold, sideways)  # fmt: skip
+
+    def lateral(self, forces: Floats) -> Floats:
+        """Return the lateral force on the tip's piece, shape (dim - 1,), N (N/m in 2D)."""
+        return _affine(self.lateral_force_map, forces)
+
+    def lateral_tip_displacement(self, forces: Floats) -> Floats:
+        """Return the lateral displacement of the tip's kernel, shape (dim - 1,), m."""
+        return _affine(self.lateral_displacement_map, forces)
+
+
+def _affine(part: Floats, forces: Floats) -> Floats:
+    found: Floats = part[:, :-1] @ forces + part[:, -1]
+    return found

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, SkfemMesh, Sparse
-from needlefem._parameter import parameter
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError, nearest, short
@@ -24,7 +23,7 @@ from needlefem.materials import (
     volumetric_split,
 )
 from needlefem.mesh.cell_map import cell_measures
-from needlefem.validation import Validated
+from needlefem.validation import Validated, parameter
 
 if TYPE_CHECKING:
     from needlefem.fem.function_space import FunctionSpace

@@ -6,9 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Floats, Points
-from needlefem._parameter import parameter
 from needlefem.errors import CaseError
-from needlefem.validation import Validated
+from needlefem.validation import Validated, parameter
 
 Coordinates = tuple[float, ...]
 SQUARE = 1e-6

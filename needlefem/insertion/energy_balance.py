@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.contact.functionals import ContactSegment
+from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.result import EnergyTerms, Insertion, Rupture
 from needlefem.insertion.state import State, TipPhase, displacements, loads, means_of

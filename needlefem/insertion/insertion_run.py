@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from needlefem.contact.functionals import ContactSegment
+from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.energy_balance import energy_terms, released
-from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.motion_schedule import motion_stages, time_steps
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
 from needlefem.insertion.state import ContactField, State
+from needlefem.insertion.tip_solver import WarmStart
 from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
 from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Motion, Scene

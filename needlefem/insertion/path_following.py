@@ -16,12 +16,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import CondensedContact
-from needlefem.contact.functionals import ContactTrial
+from needlefem.contact.condensed_contact import CondensedContact, ContactTrial
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Rupture, Status
 from needlefem.insertion.state import State, state_at_entry
 from needlefem.insertion.tip_solver import (
@@ -31,6 +29,7 @@ from needlefem.insertion.tip_solver import (
     NoEquilibriumError,
     TipSolution,
     TipSolver,
+    WarmStart,
 )
 from needlefem.mesh.surface import TipWatch
 from needlefem.needle.needle_interface import NeedleInterface

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.condensed_contact import CondensedContact, ContactSegment, ContactTrial
 from needlefem.contact.friction import SlipWeakeningFriction
-from needlefem.contact.functionals import ContactSegment, ContactTrial
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel

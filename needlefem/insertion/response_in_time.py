@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.functionals import ContactSegment
+from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.dynamics import (
     Damping,
     GeneralizedAlpha,

@@ -7,14 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Floats, Points, Vector
-from needlefem.contact.functionals import ContactSegment
+from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.state import State
 from needlefem.mesh.surface import place_text
-from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.needle.needle_interface import NeedleInterface
+from needlefem.needle.needle_interface import InsertionAxis, NeedleInterface
 from needlefem.scene import Scene
 
 

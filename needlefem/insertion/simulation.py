@@ -15,11 +15,11 @@ from needlefem.checks.result import CheckResult, refuse_failed
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import ComplianceOperator, Corridor
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.insertion_run import InsertionRun
 from needlefem.insertion.motion_schedule import deepest
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
+from needlefem.insertion.tip_solver import WarmStart
 from needlefem.insertion.tissue_response import (
     ElasticResponse,
     ExpectedLoads,
@@ -30,9 +30,14 @@ from needlefem.materials import branches_of
 from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.mesh.generation import BACKGROUND, cell_sizes
 from needlefem.mesh.surface import Entry, check_entry, entry_along, entry_at
-from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.needle.needle_interface import NeedleInterface
-from needlefem.needle.tip_kernel import Kernel, PointKernel, TipKernel, cross_section
+from needlefem.needle.needle_interface import (
+    InsertionAxis,
+    Kernel,
+    NeedleInterface,
+    PointKernel,
+    TipKernel,
+    cross_section,
+)
 from needlefem.scene import DYNAMIC, Motion, Scene
 from needlefem.scene.build import build_model
 from needlefem.scene.limits import check_scene

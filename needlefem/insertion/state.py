@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
-from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.condensed_contact import CondensedContact, ContactSegment, ContactTrial
 from needlefem.contact.friction import SlipWeakeningFriction, refuse_noise
-from needlefem.contact.functionals import ContactSegment, ContactTrial
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import CutPath
@@ -234,7 +233,7 @@ def displacements(insertion: "Insertion", states: Sequence[int]) -> Floats:
     happened before is gone through again (`replay.py`).
     """
     if depends_on_time(insertion):
-        from needlefem.insertion.replay import gone_through  # noqa: PLC0415 (needs dynamics)
+        from needlefem.insertion.postprocess import gone_through  # noqa: PLC0415 (needs dynamics)
 
         return gone_through(insertion, np.asarray(states))
     return insertion.model.solve(loads(insertion, states))

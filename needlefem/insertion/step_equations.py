@@ -13,10 +13,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.condensed_contact import (
+    AxialCompliance,
+    CondensedContact,
+    ContactTrial,
+    ShaftEquations,
+)
 from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
-from needlefem.contact.functionals import AxialCompliance, ContactTrial
-from needlefem.contact.shaft_equations import ShaftEquations
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.state import State

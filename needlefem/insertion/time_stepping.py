@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.contact.friction import SlipWeakeningFriction
-from needlefem.contact.functionals import ContactSegment
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel

@@ -6,8 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem.contact.condensed_contact import CondensedContact
-from needlefem.contact.functionals import ContactTrial
+from needlefem.contact.condensed_contact import CondensedContact, ContactTrial
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import TOLERANCE, StepEquations, StepSolution, root_between

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from needlefem._arrays import Bools, Floats, Vector
-from needlefem.contact.functionals import ContactSegment
+from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.fem.compliance import (
     CachedCompliance,
     ComplianceOperator,

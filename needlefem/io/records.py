@@ -8,13 +8,13 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
+from needlefem.insertion.cut_path import TipPoint
 from needlefem.insertion.result import EnergyTerms, Insertion, Seed, Status
-from needlefem.insertion.trajectory import TipPoint
-from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.result import BlockedRelease, Evidence, Headline, Plan, Release, headline
 from needlefem.planning.search import SearchResult
 from needlefem.scene import Scene
-from needlefem.scene.meshing import Coordinates
+from needlefem.scene.discretization import Coordinates
 
 
 def origin(scene: Scene) -> dict[str, Any]:

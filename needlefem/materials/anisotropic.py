@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem._parameter import parameter
 from needlefem.materials.linear_elastic import LinearElastic, local_axes, turned
 from needlefem.materials.volumetric_split import split_compliance
+from needlefem.validation import parameter
 
 
 def _orthotropic(moduli: Floats, ratios: Floats, shears: Floats) -> Floats:

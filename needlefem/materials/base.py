@@ -33,7 +33,7 @@ class MaterialResponse:
 class Material(Protocol):
     """A constitutive law: always in three dimensions, plane problems are made from it.
 
-    A frozen dataclass whose fields are declared with `needlefem._parameter.parameter` can be in a
+    A frozen dataclass whose fields are declared with `needlefem.validation.parameter` can be in a
     case. Linear laws are easiest written as a `LinearElastic`.
     """
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import tomllib
+import typing
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module, resources
@@ -9,6 +10,8 @@ from typing import Any
 
 from needlefem import _plugin
 from needlefem.errors import CaseError, matching, nearest, short
+from needlefem.units import UNITS, parse_quantity
+from needlefem.validation import ParameterInfo, parameter_info, validate
 
 NOTES = ("range", "source", "note")
 """What an entry says beside the keys of its law."""
@@ -93,3 +96,63 @@ def law_class(name: str, key: str) -> type:
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
         raise CaseError(key, f"'{name}' is no dataclass", "see docs/how-to/own-material.md")
     return found
+
+
+# A law with constants that are good enough to try it.
+
+
+STAND_INS = {"pressure": 10e3, "time": 1.0}
+"""Taken for constants without a default, by dimension, SI."""
+RATIO = 0.3
+"""Taken for those of any other dimension or none."""
+
+
+def example(name: str, settings: Mapping[str, str], key: str = "--material") -> Any:
+    """Return a law of the catalogue, or of the user's, with stand-in constants.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"isotropic"`` or ``"my_tissue:MyMaterial"``.
+    settings : mapping
+        Constants to replace, as in a case: ``{"youngs_modulus": "3 kPa"}``.
+
+    Raises
+    ------
+    CaseError
+        An unknown law or constant, or a value out of its range.
+    """
+    law = law_class(name, key)
+    fields = {field.name: field for field in dataclasses.fields(law)}
+    for wanted in settings:
+        if wanted not in fields:
+            raise CaseError(f"--set {wanted}", "unknown constant", nearest(wanted, fields))
+    values = {}
+    for field in fields.values():
+        declared = parameter_info(field)
+        if field.name in settings:
+            several = typing.get_origin(field.type) is tuple
+            text, key_of = settings[field.name], f"--set {field.name}"
+            values[field.name] = _given(text, declared, key_of, several=several)
+        elif field.default is dataclasses.MISSING:
+            value = STAND_INS.get((declared and declared.dimension) or "", RATIO)
+            values[field.name] = (value,) if typing.get_origin(field.type) is tuple else value
+    try:
+        found = law(**values)
+        validate(found, "material")
+    except CaseError as error:
+        key = error.key.replace("material.", "--set ", 1)
+        raise CaseError(key, error.problem, error.remedy) from None
+    return found
+
+
+def _given(text: str, declared: ParameterInfo | None, key: str, *, several: bool) -> Any:
+    parts = [part.strip() for part in text.strip("[]() ").split(",")]
+    if declared is not None and declared.dimension in UNITS:
+        values = tuple(parse_quantity(part, declared.dimension, key) for part in parts)
+    else:
+        try:
+            values = tuple(float(part) for part in parts)
+        except ValueError:
+            raise CaseError(key, f"'{text}' is no number", "write a number") from None
+    return values if several or len(values) > 1 else values[0]

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
 from needlefem.materials.base import MaterialResponse
 from needlefem.materials.relaxation import Branch, load_factor, relaxation_factor
 from needlefem.materials.volumetric_split import split_compliance
-from needlefem.validation import Validated
+from needlefem.validation import Validated, parameter
 
 
 class LinearElastic(Validated, abc.ABC):

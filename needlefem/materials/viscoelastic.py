@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 
 from needlefem._arrays import Floats
-from needlefem._parameter import parameter
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
 from needlefem.materials.linear_elastic import Isotropic
 from needlefem.materials.relaxation import Branch
+from needlefem.validation import parameter
 
 
 def deviator() -> Floats:

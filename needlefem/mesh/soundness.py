@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from needlefem._arrays import Bools, Floats, Ints, SkfemMesh
 from needlefem.errors import CaseError
-from needlefem.geometry.segment_tree import SegmentTree, along_a_curve, cross, turn
+from needlefem.geometry.contour import SegmentTree, along_a_curve, cross, turn
 from needlefem.mesh.cell_map import refuse_bad_cells
 
 TOUCHING = 1e-4

@@ -13,7 +13,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Vector
 from needlefem.geometry.contour import Contour
-from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import InsertionAxis
 
 EDGE = 1e-9
 """Distance by which a needle at the edge of what is allowed may come too near by round-off, m."""

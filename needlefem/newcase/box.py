@@ -11,8 +11,7 @@ from needlefem._toml import comment, quoted
 from needlefem.errors import CaseError
 from needlefem.geometry.contour import Contour
 from needlefem.materials import Isotropic
-from needlefem.newcase.draft import listed, millimetres, point_text
-from needlefem.newcase.names import region_names
+from needlefem.newcase.draft import listed, millimetres, point_text, region_names
 from needlefem.scene import BoxMesh, Motion, Needle, Refinement, Region, Scene
 from needlefem.scene.build import build_mesh
 

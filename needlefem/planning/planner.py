@@ -1,18 +1,20 @@
-"""Plan where to release so that the point ends on the target."""
+"""Heights at which a needle keeps away from the obstacles of a scene."""
 
 import dataclasses
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
 from needlefem.errors import CaseError
+from needlefem.insertion.cut_path import TipPoint, TipTrajectory
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
-from needlefem.insertion.trajectory import TipTrajectory
-from needlefem.needle.clearance import Interval
-from needlefem.planning.obstacles import Candidate, Obstacles
+from needlefem.needle.clearance import Interval, Passing, blocked, gaps, merged, passings
+from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.reading import ROUND_OFF, InsertionReader, Reading, Why, limit_sentence
 from needlefem.planning.result import BlockedRelease, Plan, PlanStatus, Release
 from needlefem.planning.search import (
@@ -23,6 +25,91 @@ from needlefem.planning.search import (
     sign_changes,
     signed_root,
 )
+from needlefem.scene import Scene, vary
+
+DEEPER = 1e-4
+"""By how much releases are taken for deeper than they were, once they proved too deep, m."""
+
+Find = Callable[[Interval], "Candidate"]
+"""Searches an interval of heights (m, relative to the target's)."""
+
+
+class Candidate(NamedTuple):
+    """What a search ended with: a height and the release there, None if out of reach."""
+
+    solution: SearchResult
+    release: Release | None
+
+
+class Obstacles:
+    """The obstacles of a scene for needles of one direction.
+
+    Parameters
+    ----------
+    scene : Scene
+    level : InsertionAxis
+        The needle's line at height 0.
+    """
+
+    def __init__(self, scene: Scene, level: InsertionAxis) -> None:
+        self._scene, self._level = scene, level
+
+    def passings(self, release_point: Vector) -> tuple[Passing, ...]:
+        """Return how a needle with its tip at a point passes every obstacle."""
+        return passings(
+            self._scene.obstacles, InsertionAxis(release_point, self._level.direction), 0.0
+        )
+
+    def barrier(self, release: Release | None) -> Passing | None:
+        """Return the obstacle to which a release comes nearest of those it is too near."""
+        if release is None:
+            return None
+        near = [found for found in self.passings(release.release_point) if not found.allowed]
+        return min(near, key=lambda found: found.distance - found.clearance, default=None)
+
+    def allowed(self, depth: float, within: Interval) -> list[Interval]:
+        """Return the heights in an interval at which no tip down to a depth comes too near."""
+        taken = [
+            interval
+            for obstacle in self._scene.obstacles.values()
+            for interval in blocked(self._level, depth, obstacle.contour, obstacle.clearance)
+        ]
+        return gaps(*within, merged(taken))
+
+    def best(self, find: Find, within: Interval, without: Release) -> Candidate | None:
+        """Return the best candidate that keeps away; None if there is none.
+
+        Every interval of allowed heights is searched. How deep their releases are is known only
+        then: where one is too near because it is deeper than the intervals were made for, they are
+        made anew.
+
+        Parameters
+        ----------
+        find : callable
+        within : (float, float), m
+            Feasible heights.
+        without : Release
+            The best one without obstacles.
+        """
+        depth = float(self._level.axial_coordinate(without.release_point))
+        while True:
+            found = [find(interval) for interval in self.allowed(depth, within)]
+            reached = [one for one in found if one.release is not None]
+            best = min(reached, key=_error, default=None)
+            if best is None or best.release is None or self.barrier(best.release) is None:
+                return best
+            depth = (
+                max(depth, float(self._level.axial_coordinate(best.release.release_point))) + DEEPER
+            )
+
+
+def _error(candidate: Candidate) -> float:
+    assert candidate.release is not None
+    return candidate.release.placement_error
+
+
+# Plan where to release so that the point ends on the target.
+
 
 BEYOND = 3
 """States computed beyond the target, so that interpolation there is central."""
@@ -315,3 +402,29 @@ def _rounded_up(value: float) -> str:
     """Return a positive number with two digits, not less."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return f"{math.ceil(value / unit - ROUND_OFF) * unit:.2g}"
+
+
+# What studies share.
+
+
+def planner_of(scene: Scene) -> Planner:
+    """Return a planner for the scene's own target."""
+    if scene.target is None:
+        raise CaseError("target.point", "missing", "the study needs a target")
+    return Planner(Simulation(scene), np.array(scene.target))
+
+
+def carry_out(scene: Scene, plan: Plan) -> TipPoint | None:
+    """Return where a planned release ends in another scene; None if it is not reached there.
+
+    Nor is it where the insertion breaks off, or is deeper than the scene's motion may go.
+    """
+    if plan.best is None:
+        return None
+    direction = tuple(plan.insertion.axis.direction.tolist())
+    simulation = Simulation(vary(scene, {"motion.direction": direction}))
+    release = plan.best.release_point
+    entry = simulation.entry_through(release)
+    depth = float(simulation.direction @ (release - entry.point))
+    insertion = simulation.insert(entry, lambda state: state.depth > depth + 3e-3)
+    return InsertionReader(insertion, plan.target).at_depth(depth).reach

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from needlefem._arrays import Vector
+from needlefem.insertion.cut_path import TipPoint, TipTrajectory
 from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.trajectory import TipPoint, TipTrajectory
 
 BROKEN = (Status.NOT_CONVERGED, Status.NO_NODE, Status.RESTICK)
 """How an insertion ends that could not be computed further."""

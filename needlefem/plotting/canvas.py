@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
-from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.plotting.backend import renderer
-from needlefem.plotting.style import Style
+from needlefem.needle.needle_interface import InsertionAxis
+from needlefem.plotting.images import Style, renderer
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 LAYER = 1e-3

@@ -1,7 +1,16 @@
-"""Pictures and animations as files."""
+"""PyVista, imported late and only where it can draw.
 
+A missing or broken OpenGL driver can kill a process outright, so that it is tried in one of its
+own first.
+"""
+
+import dataclasses
 import io
+import os
+import subprocess
+import sys
 from collections.abc import Iterable, Iterator
+from functools import cache
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -13,6 +22,89 @@ from numpy.typing import NDArray
 from needlefem._progress import doing
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.io.result_folder import whole_file
+
+PACKAGES = "libegl1 libgl1 libgl1-mesa-dri libxrender1"
+"""What Debian and its kin call the software renderer and the libraries that VTK opens."""
+WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
+"""Kinds of VTK windows that need no display: the driver's, and Mesa's in memory."""
+_TRIAL = (
+    "import pyvista as pv; p = pv.Plotter(off_screen=True, window_size=(32, 32));"
+    "p.add_mesh(pv.Plane(), color='red'); assert p.screenshot(return_img=True).std() > 1"
+)
+
+
+@cache
+def renderer() -> Any:
+    """Return the pyvista module, ready to draw without a display.
+
+    Raises
+    ------
+    NoRendererError
+        pyvista is not installed, or nothing here can draw; the message names the packages.
+    """
+    if find_spec("pyvista") is None:
+        raise NoRendererError("pictures need pyvista: pip install 'needlefem[render]'")
+    working = next((window for window in WINDOWS if _draws(window)), None)
+    if working is None:
+        raise NoRendererError(
+            "no picture can be drawn here: VTK finds no OpenGL driver; "
+            f"install one (Debian: apt-get install {PACKAGES})"
+        )
+    os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = working
+    import pyvista  # noqa: PLC0415  (takes a second: only pictures pay for it)
+
+    return pyvista
+
+
+def _draws(window: str) -> bool:
+    """Say whether a small picture can be drawn with a kind of window, in a process of its own."""
+    environment = os.environ | {"VTK_DEFAULT_OPENGL_WINDOW": window}
+    command = [sys.executable, "-c", _TRIAL]
+    try:
+        trial = subprocess.run(
+            command, env=environment, capture_output=True, timeout=120, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return trial.returncode == 0
+
+
+# How everything in pictures looks.
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Style:
+    """How everything looks; colours are safe for the colour-blind (Okabe and Ito).
+
+    Widths are in pixels, `text_size` over the smaller side of a panel. The colour map is one of
+    matplotlib's perceptually uniform ones.
+    """
+
+    background: str = "white"
+    tissue: tuple[str, ...] = ("#f4e7c5", "#e3b5a4", "#c9d5e8", "#cfe3cf", "#dcc9e6", "#d2c6ae")
+    mesh: str = "#8a7f6a"
+    outline: str = "#5b3a29"
+    on_image: str = "#f0e442"
+    on_field: str = "white"
+    needle: str = "#20262e"
+    seed: str = "#0072B2"
+    target: str = "#D55E00"
+    path: str = "#009E73"
+    obstacle: str = "#8c8f94"
+    support: str = "#56606b"
+    folded: str = "#D55E00"
+    text: str = "#202020"
+    grid: str = "#e4e4e4"
+    colour_map: str = "viridis"
+    mesh_width: float = 0.6
+    outline_width: float = 3.0
+    path_width: float = 3.0
+    text_size: float = 0.034
+    smallest_text: int = 9
+
+
+# Pictures and animations as files.
+
 
 Image = NDArray[np.uint8]
 """Shape (height, width, 3)."""

@@ -111,8 +111,8 @@ def png_of(result: Any) -> bytes | None:
     The needle is at its end, a plan's at its release. None where nothing can draw or there is
     nothing to draw: a notebook then shows the table.
     """
+    from needlefem.plotting.figures import draw_setup  # noqa: PLC0415
     from needlefem.plotting.render import RenderOptions, render  # noqa: PLC0415  (pictures are drawn on demand)
-    from needlefem.plotting.setup_figure import draw_setup  # noqa: PLC0415
 
     if isinstance(result, Scene):
         return _drawn(lambda path: draw_setup(result, path, size=SIZE))

@@ -9,9 +9,9 @@ import numpy as np
 
 from needlefem._arrays import Ints, Points
 from needlefem.checks.reference_problem import Shape
-from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import THINNEST
-from needlefem.plotting.surface import SurfaceMesh
+from needlefem.plotting.images import renderer
+from needlefem.plotting.view import SurfaceMesh
 
 SIZE = (900, 640)
 MOST_EDGES = 5000

@@ -8,12 +8,9 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem.insertion.result import Insertion
 from needlefem.planning.result import Plan, PlanStatus, Release, headline
-from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.images import save
-from needlefem.plotting.panel import Panel, Window
-from needlefem.plotting.style import Style
-from needlefem.plotting.texture import synthetic_ultrasound
+from needlefem.plotting.images import Style, renderer, save
+from needlefem.plotting.panel import Panel, Window, synthetic_ultrasound
 from needlefem.plotting.timeline import Frame, Timeline
 from needlefem.plotting.view import TissueView, ViewOptions
 from needlefem.scene import Scene

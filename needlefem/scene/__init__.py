@@ -1,8 +1,15 @@
 """The scene: all that a case says, as plain frozen dataclasses in SI units."""
 
 from needlefem.fem.tissue_model import Support
-from needlefem.scene.discretization import DYNAMIC, Discretisation, Limits, Rayleigh
-from needlefem.scene.meshing import BoxMesh, FileMesh, Refinement
+from needlefem.scene.discretization import (
+    DYNAMIC,
+    BoxMesh,
+    Discretisation,
+    FileMesh,
+    Limits,
+    Rayleigh,
+    Refinement,
+)
 from needlefem.scene.schema import (
     Expectation,
     Motion,

@@ -8,15 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from needlefem._parameter import ParameterInfo, parameter
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem.tissue_model import Support
 from needlefem.geometry.contour import Contour
 from needlefem.geometry.image_frame import ImageFrame
 from needlefem.materials import Material
-from needlefem.scene.discretization import Discretisation, Limits, Rayleigh
-from needlefem.scene.meshing import BoxMesh, Coordinates, FileMesh
-from needlefem.validation import Validated, converted, made, validate
+from needlefem.scene.discretization import (
+    BoxMesh,
+    Coordinates,
+    Discretisation,
+    FileMesh,
+    Limits,
+    Rayleigh,
+)
+from needlefem.validation import ParameterInfo, Validated, converted, made, parameter, validate
 
 ROUND_OFF = 1e-15
 """Difference of a unit vector's length from 1."""

@@ -11,10 +11,16 @@ import numpy as np
 
 from needlefem._arrays import Floats, Points
 from needlefem.elements import CATALOGUE
-from needlefem.stress.drawlaws import draw_law
-from needlefem.stress.drawmesh import draw_grid, grid_of_file
-from needlefem.stress.drawmotion import draw_motion, draw_time
-from needlefem.stress.drawncase import MESH_UNIT, DrawnCase, DrawnQuantity
+from needlefem.stress.drawncase import (
+    MESH_UNIT,
+    DrawnCase,
+    DrawnQuantity,
+    draw_grid,
+    draw_law,
+    draw_motion,
+    draw_time,
+    grid_of_file,
+)
 
 Random = np.random.Generator
 

@@ -19,7 +19,7 @@ from needlefem.errors import NeedlefemError
 from needlefem.io.saved_result import load_result
 from needlefem.stress.damage import CODE, PATHS, damage
 from needlefem.stress.inputfiles import KINDS, CommandLine, has_label_maps, sound_input
-from needlefem.stress.sceneruns import Fault
+from needlefem.stress.scenes import Fault
 
 MOST_LINES, MOST_CHARACTERS = 2, 800
 """Of a message."""

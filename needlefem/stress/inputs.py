@@ -11,7 +11,7 @@ from needlefem._table import Table
 from needlefem.stress.inputfiles import CommandLine, has_label_maps, make_results
 from needlefem.stress.inputruns import InputRun, check_input, draw_input, run_input
 from needlefem.stress.pool import Lost, WorkerLimits, work_through
-from needlefem.stress.sceneruns import Fault
+from needlefem.stress.scenes import Fault
 
 COUNT = 5000
 """Inputs when no number is given."""

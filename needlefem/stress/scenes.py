@@ -1,17 +1,261 @@
-"""Many random scenes at once, and a report of what became of them."""
+"""One drawn scene, carried out: what is required of it, and whether it holds."""
 
+import dataclasses
+import json
+import tempfile
 import time
+import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from needlefem._arrays import Floats, Points
 from needlefem._table import Table
+from needlefem.casefile.load import load_case
+from needlefem.errors import NeedlefemError
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.energy_balance import energy_terms
+from needlefem.insertion.motion_schedule import motion_stages
+from needlefem.insertion.postprocess import validity
+from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import TipPhase
+from needlefem.io.records import energy_record, insertion_record
+from needlefem.io.result_folder import to_json
+from needlefem.planning.adaptive import PlanRequest, attempt_plan
+from needlefem.planning.result import Plan, PlanStatus
+from needlefem.scene import Scene
 from needlefem.stress.draw import draw_case
-from needlefem.stress.drawnfiles import write_drawn_case
+from needlefem.stress.drawncase import DrawnCase
+from needlefem.stress.inputfiles import write_drawn_case
 from needlefem.stress.pool import Lost, WorkerLimits, work_through
-from needlefem.stress.sceneruns import Fault, SceneRun, run_scene
+
+ENERGY = 1e-9
+"""Largest energy residual, and energy created in a step, over the turnover."""
+SAME_DEPTH = 1e-9
+"""Largest distance of the last depth from the one asked for, over the largest depth."""
+INSIDE = 1e-7
+"""How far outside the tissue round-off may place a point of its boundary, over its size."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A requirement that a scene does not meet."""
+
+    requirement: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.requirement}: {self.detail.strip().splitlines()[-1]}"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SceneRun:
+    """What became of a drawn scene.
+
+    Parameters
+    ----------
+    number : int
+    kinds : dict
+        What was drawn, by aspect.
+    status : str
+        The insertion's or the plan's; ``refused`` with an error of the package's own, ``exception``
+        with any other, ``lost`` without an answer.
+    sentence : str
+    faults : tuple of Fault
+    symmetry : str
+        ``met``, ``missed`` or ``several solutions``; empty where none was checked.
+    seconds : float
+        Of processor time.
+    """
+
+    number: int
+    kinds: dict[str, str]
+    status: str
+    sentence: str
+    faults: tuple[Fault, ...] = ()
+    symmetry: str = ""
+    seconds: float = 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether the needle did what it was told."""
+        return self.status in (Status.COMPLETED, PlanStatus.PLANNED)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class SceneAnswer:
+    """Where things end in a scene: what its symmetric images must share.
+
+    Parameters
+    ----------
+    status : str
+    sentence : str
+    points : array, shape (n, 2), m
+        Material point at the tip in the last state and resting places of seeds; for a plan the
+        release point and where it places.
+    path : array, shape (nstates, 2), m
+        Material point at the tip in all states.
+    depth : float, m
+        The largest that was asked for.
+    """
+
+    status: str
+    sentence: str
+    points: Points
+    path: Points
+    depth: float
+
+
+def carry_out(
+    scene: Scene, command: str, model: TissueModel | None = None
+) -> tuple[SceneAnswer, Insertion | None]:
+    """Run or plan a scene; return where things end, and the insertion if there is one."""
+    simulation = Simulation(scene, model)
+    if command == "plan":
+        assert scene.target is not None
+        return _planned(
+            scene, attempt_plan(simulation, PlanRequest(target=np.array(scene.target))).plan
+        )
+    simulation.check()
+    insertion = simulation.move(simulation.entry_of_case())
+    ends = [insertion.tips[-1:], *(seed.point[None] for seed in insertion.seeds)]
+    answer = SceneAnswer(
+        status=insertion.outcome.status,
+        sentence=insertion.outcome.sentence,
+        points=np.concatenate(ends),
+        path=insertion.tips,
+        depth=scene.motion.max_depth,
+    )
+    return answer, insertion
+
+
+def _planned(scene: Scene, plan: Plan) -> tuple[SceneAnswer, Insertion | None]:
+    points = np.zeros((0, scene.dim))
+    if plan.best is not None:
+        points = np.array([plan.best.release_point, plan.best.placed_at])
+    answer = SceneAnswer(
+        status=plan.status,
+        sentence=plan.sentence,
+        points=points,
+        path=np.zeros((0, scene.dim)),
+        depth=scene.motion.max_depth,
+    )
+    return answer, plan.insertion
+
+
+def run_scene(seed: int, number: int) -> SceneRun:
+    """Draw a scene, carry it out, and check all that is required of it."""
+    begun = time.process_time()
+    with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as folder:
+        found = check_case(draw_case(seed, number), number, Path(folder))
+    return dataclasses.replace(found, seconds=time.process_time() - begun)
+
+
+def check_case(case: DrawnCase, number: int, folder: Path) -> SceneRun:
+    """Write a drawn case into a folder, carry it out and check it."""
+    from needlefem.stress.symmetry import check_symmetry  # noqa: PLC0415  (it runs scenes, too)
+
+    kinds = dict(case.kinds)
+    try:
+        scene = load_case(write_drawn_case(case, folder))
+        simulation = Simulation(scene)
+        answer, insertion = carry_out(scene, case.command, simulation.model)
+        faults = list(faults_of(scene, case.command, insertion)) if insertion is not None else []
+        symmetry = ""
+        if case.check:
+            symmetry, fault = check_symmetry(case, scene, simulation.model, answer)
+            faults += [fault] if fault is not None else []
+    except NeedlefemError as error:
+        return SceneRun(number=number, kinds=kinds, status="refused", sentence=str(error))
+    except Exception as error:  # to report whatever comes is what this is for
+        fault = Fault(requirement="no exception", detail=traceback.format_exc())
+        sentence = f"{type(error).__name__} at {_place(error)}: {error}"
+        return SceneRun(
+            number=number, kinds=kinds, status="exception", sentence=sentence, faults=(fault,)
+        )
+    return SceneRun(
+        number=number,
+        kinds=kinds,
+        status=str(answer.status),
+        sentence=answer.sentence,
+        faults=tuple(faults),
+        symmetry=symmetry,
+    )
+
+
+def _place(error: BaseException) -> str:
+    """Return file and function of the innermost frame of the package in a traceback."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if "needlefem" in frame.filename] or frames
+    return f"{Path(own[-1].filename).name}:{own[-1].name}"
+
+
+def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Fault]:
+    """Yield the requirements that an insertion does not meet."""
+    states = insertion.states
+    energies = energy_terms(insertion)
+    if not np.all(np.isfinite([*insertion.depths, *insertion.tips.ravel()])):
+        yield Fault(requirement="finite numbers", detail="a depth or a tip is not finite")
+        return
+    if not insertion.outcome.sentence:
+        yield Fault(requirement="a sentence", detail=f"none with {insertion.outcome.status}")
+    if not energies.residual <= ENERGY:
+        detail = f"{energies.residual:.2e} of the turnover"
+        yield Fault(requirement="energy residual", detail=detail)
+    if not energies.given <= ENERGY:
+        detail = f"a step creates {energies.given:.2e} of the turnover"
+        yield Fault(requirement="energy created", detail=detail)
+    if command == "run" and insertion.outcome.status is Status.COMPLETED:
+        wanted = motion_stages(scene.motion)[-1].end
+        off = states[-1].depth - wanted
+        if abs(off) > SAME_DEPTH * scene.motion.max_depth:
+            detail = f"the last depth is {states[-1].depth:.9g} m, {off:+.2e} m off {wanted:.9g} m"
+            yield Fault(requirement="last depth", detail=detail)
+    yield from _outside(insertion)
+    json.loads(to_json(insertion_record(insertion) | {"energy": energy_record(energies)}))
+    validity(insertion, len(states) - 1)
+
+
+def _outside(insertion: Insertion) -> Iterator[Fault]:
+    """Yield a fault for tips and seeds outside the tissue."""
+    model = insertion.model
+    size = float(np.max(np.ptp(model.mesh.p, axis=1)))
+    within = [state for state in insertion.states if state.tip_phase is not TipPhase.OUTSIDE]
+    places = {"tip": np.array([state.tip for state in within]).reshape(-1, model.dim)}
+    seeds = [seed.point for seed in insertion.seeds if seed.inside]
+    places["seed"] = np.array(seeds).reshape(-1, model.dim)
+    for name, points in places.items():
+        off = _distance_outside(model, points)
+        if len(off) and off.max() > INSIDE * size:
+            worst = int(np.argmax(off))
+            where = ", ".join(f"{x:.6g}" for x in points[worst])
+            detail = f"{name} {worst} at ({where}) m lies {off.max():.2e} m outside the tissue"
+            yield Fault(requirement="inside the tissue", detail=detail)
+
+
+def _distance_outside(model: TissueModel, points: Points) -> Floats:
+    """Return the distance of every point outside the mesh from its boundary; 0 inside, m."""
+    found = np.zeros(len(points))
+    if not len(points):
+        return found
+    outside = np.flatnonzero(model.interpolation.locator.find(points)[0] < 0)
+    mesh = model.mesh
+    ends = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
+    begin, along = ends[:, 0].T, (ends[:, 1] - ends[:, 0]).T
+    for number in outside:
+        away = points[number] - begin
+        share = np.clip(np.sum(away * along, axis=1) / np.sum(along**2, axis=1), 0.0, 1.0)
+        found[number] = np.linalg.norm(away - share[:, None] * along, axis=1).min()
+    return found
+
+
+# Many random scenes at once, and a report of what became of them.
+
 
 COUNT = 2000
 """Scenes when no number is given."""

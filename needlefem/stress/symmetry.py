@@ -15,8 +15,8 @@ from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve
 from needlefem.stress.drawncase import DrawnCase, Units, in_units
-from needlefem.stress.drawnfiles import write_drawn_case
-from needlefem.stress.sceneruns import Fault, SceneAnswer, carry_out
+from needlefem.stress.inputfiles import write_drawn_case
+from needlefem.stress.scenes import Fault, SceneAnswer, carry_out
 
 SAME = 1e-6
 """Largest distance of the image of the answer from the answer of the image, over the depth."""

@@ -12,8 +12,8 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem._table import Table
 from needlefem.errors import CaseError
+from needlefem.planning.adaptive import placed_on, reference, true_error
 from needlefem.planning.plan import plan
-from needlefem.planning.reference_solution import placed_on, reference, true_error
 from needlefem.planning.result import RefinementStep
 from needlefem.scene import Scene, vary
 from needlefem.studies.targets import draw_targets

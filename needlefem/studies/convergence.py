@@ -9,9 +9,9 @@ import numpy as np
 
 from needlefem._arrays import Vector
 from needlefem._table import Table
+from needlefem.planning.planner import planner_of
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import Scene, one_contour_size, vary
-from needlefem.studies.common import planner_of
 
 LEVELS = 4
 KERNEL_POINTS = 800

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from needlefem._table import Table
+from needlefem.planning.planner import carry_out, planner_of
 from needlefem.scene import BoxMesh, Refinement, Scene, contour_sizes, vary
 from needlefem.scene.resolve import resolve
-from needlefem.studies.common import carry_out, planner_of
 
 BOUND = 2e-5
 """Largest move of the seed, m."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from needlefem._table import Table
 from needlefem.errors import SimulationError
+from needlefem.planning.planner import carry_out, planner_of
 from needlefem.scene import Scene, field_of, vary
-from needlefem.studies.common import carry_out, planner_of
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:

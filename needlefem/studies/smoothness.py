@@ -9,8 +9,8 @@ import numpy as np
 from needlefem._table import Table
 from needlefem.errors import SimulationError
 from needlefem.fem.compliance import CachedCompliance
+from needlefem.planning.planner import planner_of
 from needlefem.scene import Scene
-from needlefem.studies.common import planner_of
 
 HEIGHTS = 200
 BOUNDS = {5e-8: 1e-8, 5e-6: 1e-6}

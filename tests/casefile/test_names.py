@@ -10,7 +10,7 @@ from needlefem._toml import assignment, comment, dotted_key, key_of, key_parts, 
 from needlefem.casefile.load import load_case
 from needlefem.cli.main import main
 from needlefem.errors import CaseError
-from needlefem.newcase.names import RESERVED, file_names, region_names
+from needlefem.newcase.draft import RESERVED, file_names, region_names
 from needlefem.scene import field_of, vary
 from needlefem.scene.build import build_mesh
 from tests.newcase.test_new_cases import answered

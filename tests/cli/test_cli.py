@@ -280,7 +280,7 @@ def test_too_coarse_a_mesh_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
 def test_no_renderer_ends_with_4(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from needlefem.plotting import backend
+    from needlefem.plotting import images as backend
 
     monkeypatch.setattr(backend, "WINDOWS", ())
     backend.renderer.cache_clear()

@@ -6,7 +6,7 @@ import pytest
 
 import needlefem
 from needlefem.cli.main import main
-from needlefem.plotting import backend
+from needlefem.plotting import images as backend
 
 
 def test_info_in_two_lines_and_as_json(capsys: pytest.CaptureFixture[str]) -> None:

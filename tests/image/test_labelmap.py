@@ -7,7 +7,7 @@ import SimpleITK
 
 from needlefem.errors import CaseError
 from needlefem.image.labelmap import Segment, read_labelmap
-from needlefem.newcase.slicing import needle_plane, outlines
+from needlefem.newcase.from_label_map import needle_plane, outlines
 from tests.image import maps
 
 HALF_A_VOXEL = 0.5 * maps.SPACING.min()

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.guide import WarmStart
 from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.tip_solver import WarmStart
 from needlefem.scene import Scene
 
 

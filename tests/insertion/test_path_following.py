@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from needlefem.fem.compliance import CachedCompliance, DirectCompliance
+from needlefem.insertion.cut_path import TipTrajectory
 from needlefem.insertion.energy_balance import energy_terms
+from needlefem.insertion.postprocess import validity
 from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import displacements
 from needlefem.insertion.tip_solver import TipSolver, not_found, smallest_turning
-from needlefem.insertion.trajectory import TipTrajectory
-from needlefem.insertion.validity import validity
 from needlefem.scene import Scene, Support, vary
 
 Push = Callable[[Scene], Insertion]

@@ -15,9 +15,12 @@ from needlefem.insertion.result import Insertion, Status
 from needlefem.insertion.state import displacements
 from needlefem.materials import Isotropic
 from needlefem.mesh.generation import BACKGROUND
-from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.needle.needle_interface import NeedleInterface
-from needlefem.needle.tip_kernel import TipKernel, cross_section
+from needlefem.needle.needle_interface import (
+    InsertionAxis,
+    NeedleInterface,
+    TipKernel,
+    cross_section,
+)
 from needlefem.scene import Scene, Support, vary
 from verification.support.embedded_shaft import EmbeddedShaft
 

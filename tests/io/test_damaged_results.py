@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import needlefem as nf
-from needlefem.casefile.saved_case import read_again
+from needlefem.casefile.load import read_again
 from needlefem.cli.main import main
-from needlefem.cli.replay import replay
+from needlefem.cli.render import replay
 from needlefem.errors import CaseError, NeedlefemError
 
 CASE = Path(__file__).parents[1] / "faults" / "stale-pictures"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from needlefem.insertion.simulation import Simulation
-from needlefem.io.histories import History, recorded_states
+from needlefem.io.vtu import History, recorded_states
 from needlefem.scene import Scene, Stage, vary
 
 STAGES = (Stage(to=0.012), Stage(hold=1.0, release="seed"), Stage(to=-1e-3))

@@ -11,7 +11,7 @@ from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import LAWS, Isotropic, MaterialResponse, law_class, volumetric_split
-from needlefem.materials.example import example
+from needlefem.materials.catalogue import example
 from needlefem.materials.linearity import refuse_nonlinear
 from needlefem.scene import Discretisation, Scene, vary
 from needlefem.scene.resolve import with_element

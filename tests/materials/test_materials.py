@@ -14,7 +14,7 @@ from needlefem.materials import (
     plane_volumetric_split,
     volumetric_split,
 )
-from needlefem.materials.example import example
+from needlefem.materials.catalogue import example
 from needlefem.materials.voigt import tangent_matrix, tangent_tensor
 
 FIBRE = {

@@ -5,7 +5,7 @@ import pytest
 
 from needlefem.geometry.contour import Contour
 from needlefem.needle.clearance import blocked, distance, gaps, merged
-from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import InsertionAxis
 
 DOWN = InsertionAxis(np.array([0.0, 0.0]), np.array([0.0, 1.0]))
 BOX = Contour(np.array([[0.01, 0.02], [0.03, 0.02], [0.03, 0.04], [0.01, 0.04]]))

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.needle.tip_kernel import PointKernel, TipKernel, cross_section
+from needlefem.needle.needle_interface import InsertionAxis, PointKernel, TipKernel, cross_section
 
 INWARD = np.array([0.0, 1.0])
 SKIN = np.array([0.2, 0.0])

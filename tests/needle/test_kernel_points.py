@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from needlefem.elements import element_row
+from needlefem.insertion.cut_path import TipTrajectory
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.mesh.conform import uniformly_refined
 from needlefem.scene import Scene, vary
 from needlefem.scene.build import build_model

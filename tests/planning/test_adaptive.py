@@ -9,8 +9,8 @@ from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.conform import uniformly_refined
 from needlefem.mesh.generation import signed_measures
-from needlefem.planning import reference_solution as reference
-from needlefem.planning.adaptive import MeshSizes
+from needlefem.planning import adaptive as reference
+from needlefem.planning.adaptive import MeshSizes, ReferenceSolution, placed_on
 from needlefem.planning.error_estimate import (
     HALVED,
     displacement_on,
@@ -20,7 +20,6 @@ from needlefem.planning.error_estimate import (
 )
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
-from needlefem.planning.reference_solution import ReferenceSolution, placed_on
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import FileMesh, Scene, Stage, TargetDraw, vary
 from needlefem.scene.build import build_mesh

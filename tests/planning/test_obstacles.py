@@ -7,7 +7,7 @@ from needlefem.errors import CaseError
 from needlefem.geometry.contour import Contour
 from needlefem.insertion.simulation import Simulation
 from needlefem.needle.clearance import distance
-from needlefem.needle.insertion_axis import InsertionAxis
+from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, PlanStatus

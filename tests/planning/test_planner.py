@@ -7,10 +7,9 @@ from needlefem.errors import CaseError, CheckFailedError
 from needlefem.insertion.simulation import Simulation
 from needlefem.materials import Viscoelastic
 from needlefem.planning.plan import plan
-from needlefem.planning.planner import Planner
+from needlefem.planning.planner import Planner, carry_out
 from needlefem.planning.result import PlanStatus
 from needlefem.scene import Scene, vary
-from needlefem.studies.common import carry_out
 
 
 def test_plan_hits_and_carrying_it_out_hits_again(organ: Scene) -> None:

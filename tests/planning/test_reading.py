@@ -12,13 +12,12 @@ from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation
 from needlefem.io.records import plan_record
 from needlefem.planning.plan import plan
-from needlefem.planning.planner import Planner
+from needlefem.planning.planner import Planner, carry_out
 from needlefem.planning.reading import InsertionReader, Why, at_jump
 from needlefem.planning.result import Headline, PlanStatus
 from needlefem.scene import Scene, TargetDraw, vary
 from needlefem.scene.build import build_mesh
 from needlefem.studies import robust, targets
-from needlefem.studies.common import carry_out
 from tests.conftest import ROOT
 
 FAULTS = ROOT / "tests" / "faults"

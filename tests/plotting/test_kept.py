@@ -12,17 +12,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from needlefem.alterovitz2003.figures_targets import draw_moved_target
-from needlefem.alterovitz2003.figures_turning import draw_turning
+from needlefem.alterovitz2003.figures import draw_moved_target, draw_turning
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan
-from needlefem.plotting.motion_figures import draw_forces, draw_sticking
+from needlefem.plotting.figures import (
+    draw_depth,
+    draw_forces,
+    draw_height,
+    draw_setup,
+    draw_sticking,
+    planner_of,
+)
 from needlefem.plotting.notebook import html_of, png_of
-from needlefem.plotting.plan_figures import draw_depth, draw_height, planner_of
 from needlefem.plotting.render import RenderOptions, panels, render
-from needlefem.plotting.setup_figure import draw_setup
 from needlefem.plotting.stages import draw_stages
 from needlefem.scene import Scene, vary
 from needlefem.scene.resolve import with_element

@@ -13,7 +13,7 @@ from needlefem.insertion.simulation import simulate
 from needlefem.io.saved_result import SavedResult
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan
-from needlefem.plotting import backend
+from needlefem.plotting import images as backend
 from needlefem.plotting.notebook import SIZE, html_of, png_of
 from needlefem.scene import Scene, vary
 

@@ -10,7 +10,7 @@ import pytest
 
 from needlefem.errors import NoRendererError
 from needlefem.insertion.simulation import simulate
-from needlefem.plotting import backend
+from needlefem.plotting import images as backend
 from needlefem.plotting.render import RenderOptions, render
 from needlefem.scene import Scene
 
@@ -53,7 +53,7 @@ def test_a_driver_that_kills_the_process_is_survived(tmp_path: Path) -> None:
         "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
     )
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-    code = "from needlefem.plotting.backend import renderer\nrenderer()"
+    code = "from needlefem.plotting.images import renderer\nrenderer()"
     found = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
     )

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from needlefem.alterovitz2003.figures_turning import turned
+from needlefem.alterovitz2003.figures import turned
 from needlefem.cli.main import main
-from needlefem.cli.replay import replay
+from needlefem.cli.render import replay
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.fem.recovery import CellFields
 from needlefem.insertion.result import Insertion
@@ -21,15 +21,13 @@ from needlefem.insertion.simulation import simulate
 from needlefem.insertion.state import displacements, loads
 from needlefem.materials.viscoelastic import Viscoelastic
 from needlefem.plotting import images
-from needlefem.plotting.backend import renderer
 from needlefem.plotting.canvas import Canvas
+from needlefem.plotting.images import Style, renderer
+from needlefem.plotting.panel import synthetic_ultrasound
 from needlefem.plotting.quantities import QUANTITIES, scale_of
 from needlefem.plotting.render import Renderer, RenderOptions, animate, panels, render
-from needlefem.plotting.style import Style
-from needlefem.plotting.surface import SurfaceMesh
-from needlefem.plotting.texture import synthetic_ultrasound
 from needlefem.plotting.timeline import Timeline
-from needlefem.plotting.view import View, whole
+from needlefem.plotting.view import SurfaceMesh, View, whole
 from needlefem.scene import Scene, Stage, vary
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import with_element

@@ -15,7 +15,7 @@ from needlefem.elements.shape_functions import gauss, simplex
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.io.vtu import write_vtu
 from needlefem.materials import Isotropic
-from needlefem.plotting.surface import MOST, SurfaceMesh
+from needlefem.plotting.view import MOST, SurfaceMesh
 from tests.insertion.test_three_dimensions import TETRAHEDRON
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)

@@ -21,7 +21,7 @@ from needlefem.errors import NoRendererError
 from needlefem.fem.boundary_value_problem import BoundaryValueProblem
 from needlefem.materials import Isotropic
 from needlefem.plotting import verification_report
-from needlefem.plotting.svg_charts import Bar, ChartLine, bars, loglog
+from needlefem.plotting.verification_report import Bar, ChartLine, bars, loglog
 
 
 class Strict(HTMLParser):

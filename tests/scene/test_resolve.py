@@ -8,8 +8,14 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.planning.plan import plan
 from needlefem.scene import Rayleigh, Scene, Stage, vary
 from needlefem.scene.build import build_model
-from needlefem.scene.regime import damping_time, fastest, slowest_wave
-from needlefem.scene.resolve import cell_shape, resolve, with_element
+from needlefem.scene.resolve import (
+    cell_shape,
+    damping_time,
+    fastest,
+    resolve,
+    slowest_wave,
+    with_element,
+)
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from needlefem.scene import Scene, Stage, vary
 from needlefem.stress import scenes
 from needlefem.stress.draw import draw_case
 from needlefem.stress.drawncase import DrawnQuantity, Units, in_units
-from needlefem.stress.drawnfiles import write_drawn_case
-from needlefem.stress.sceneruns import SceneRun, faults_of
+from needlefem.stress.inputfiles import write_drawn_case
+from needlefem.stress.scenes import SceneRun, faults_of
 from needlefem.stress.symmetry import ANGLE, distance, turned_mesh, turned_scene
 
 SEED = 16
@@ -138,7 +138,7 @@ def test_one_scene_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_distance_is_infinite_where_status_differs() -> None:
-    from needlefem.stress.sceneruns import SceneAnswer
+    from needlefem.stress.scenes import SceneAnswer
 
     one = SceneAnswer(
         status="completed", sentence="", points=np.zeros((1, 2)), path=np.zeros((0, 2)), depth=0.1

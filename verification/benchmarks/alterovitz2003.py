@@ -12,8 +12,8 @@ from needlefem.bench.accuracy import OWN, Entrant, race
 from needlefem.bench.timing import median
 from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError
+from needlefem.planning.adaptive import ReferenceSolution
 from needlefem.planning.plan import plan
-from needlefem.planning.reference_solution import ReferenceSolution
 from needlefem.planning.result import Plan
 from needlefem.scene import Scene
 from needlefem.scene.resolve import with_element

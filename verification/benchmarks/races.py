@@ -8,7 +8,7 @@ from needlefem._table import Table
 from needlefem.bench.timing import median, seconds_of
 from needlefem.checks.reference_problem import load_problems
 from needlefem.checks.work_precision import Point, WorkPrecision, front, seconds_to
-from needlefem.plotting.svg_charts import ChartLine, loglog
+from needlefem.plotting.verification_report import ChartLine, loglog
 
 PROBLEMS = "verification"
 ENOUGH = 1.2

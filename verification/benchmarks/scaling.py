@@ -20,7 +20,7 @@ from needlefem.fem.factorization import SuperLUFactor
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.generation import cell_sizes, name_faces, name_regions
 from needlefem.planning.planner import Planner
-from needlefem.plotting.svg_charts import ChartLine, loglog
+from needlefem.plotting.verification_report import ChartLine, loglog
 from needlefem.scene import Scene
 from needlefem.scene.build import build_mesh, build_model
 from needlefem.scene.resolve import resolve

@@ -14,12 +14,12 @@ from needlefem.casefile.load import load_case
 from needlefem.dynamics import Damping, TissueSystem
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import CachedCompliance
+from needlefem.insertion.cut_path import TipTrajectory
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import displacements
-from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.planning.planner import Planner
-from needlefem.plotting.svg_charts import Bar, bars
+from needlefem.plotting.verification_report import Bar, bars
 from needlefem.scene import DYNAMIC, Scene, Stage, vary
 from needlefem.scene.resolve import resolve
 from verification.studies.dynamics import DAMPING, moving

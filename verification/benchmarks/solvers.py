@@ -15,7 +15,7 @@ from needlefem.casefile.load import load_case
 from needlefem.elements import CATALOGUE
 from needlefem.fem.compliance import BLOCK
 from needlefem.fem.factorization import CholmodFactor, SuperLUFactor, cholmod
-from needlefem.plotting.svg_charts import Bar, bars
+from needlefem.plotting.verification_report import Bar, bars
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve, with_element
 

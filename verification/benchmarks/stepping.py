@@ -12,7 +12,7 @@ from needlefem.casefile.load import load_case
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import State
-from needlefem.plotting.svg_charts import Bar, bars
+from needlefem.plotting.verification_report import Bar, bars
 from needlefem.scene import Stage, vary
 from needlefem.scene.resolve import tip_element_size
 

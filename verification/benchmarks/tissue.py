@@ -21,7 +21,7 @@ from needlefem.dynamics import (
     TissueSystem,
 )
 from needlefem.errors import CaseError
-from needlefem.plotting.svg_charts import ChartLine, loglog
+from needlefem.plotting.verification_report import ChartLine, loglog
 from needlefem.scene import BoxMesh, Scene
 from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve, with_element

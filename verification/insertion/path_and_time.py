@@ -3,10 +3,10 @@
 import numpy as np
 
 from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
+from needlefem.insertion.cut_path import TipTrajectory
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, simulate
 from needlefem.insertion.state import TipPhase
-from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Scene, vary
 from verification.support.organ_in_gel import MODULI, organ_in_gel

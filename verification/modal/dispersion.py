@@ -5,7 +5,7 @@ import numpy as np
 from needlefem.checks.models import mapped_mesh
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.modal import modes
+from needlefem.dynamics.system import modes
 from needlefem.elements import CATALOGUE
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.materials import Isotropic

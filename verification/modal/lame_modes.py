@@ -6,7 +6,7 @@ from needlefem.checks.models import square_mesh, tissue
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.checks.work_precision import elements_race
 from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.modal import modes
+from needlefem.dynamics.system import modes
 from needlefem.elements import CATALOGUE
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.materials import Isotropic

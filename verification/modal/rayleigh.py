@@ -6,8 +6,8 @@ from needlefem.checks.integrator_checks import principal
 from needlefem.checks.models import rectangle
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import Damping, Newmark, TissueSystem
-from needlefem.dynamics.modal import modes
 from needlefem.dynamics.steppers import iterate, record
+from needlefem.dynamics.system import modes
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

@@ -5,7 +5,7 @@ import numpy as np
 from needlefem.checks.models import sliding_box
 from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
 from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.modal import modes
+from needlefem.dynamics.system import modes
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from needlefem._table import Table
+from needlefem.insertion.cut_path import TipTrajectory
 from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
 
 SPEEDS = (0.05, 0.02, 0.01, 0.005, 0.001)

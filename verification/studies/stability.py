@@ -11,12 +11,12 @@ import numpy as np
 
 from needlefem._table import Table
 from needlefem.errors import NeedlefemError
+from needlefem.insertion.cut_path import TipTrajectory
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.trajectory import TipTrajectory
 from needlefem.planning.plan import plan
+from needlefem.planning.planner import carry_out
 from needlefem.scene import Scene, field_of, one_contour_size, vary
 from needlefem.scene.resolve import resolve
-from needlefem.studies.common import carry_out
 
 LARGEST_QUIET_ERROR = 5e-4
 """Error on the fine discretisation that needs no announcement, m."""

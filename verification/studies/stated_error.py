@@ -10,9 +10,9 @@ from needlefem._table import Table
 from needlefem.errors import CaseError
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.conform import uniformly_refined
+from needlefem.planning.adaptive import reference, true_error
 from needlefem.planning.error_estimate import KERNEL
 from needlefem.planning.plan import plan
-from needlefem.planning.reference_solution import reference, true_error
 from needlefem.planning.result import Plan
 from needlefem.scene import FileMesh, Scene, vary
 from needlefem.scene.build import build_model

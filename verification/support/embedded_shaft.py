@@ -8,9 +8,12 @@ from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
 from needlefem.fem.compliance import CachedCompliance
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.sticking import straight_contact
-from needlefem.needle.insertion_axis import InsertionAxis
-from needlefem.needle.needle_interface import NeedleInterface
-from needlefem.needle.tip_kernel import PointKernel, cross_section
+from needlefem.needle.needle_interface import (
+    InsertionAxis,
+    NeedleInterface,
+    PointKernel,
+    cross_section,
+)
 
 LATERAL_STIFFNESS = 1e9
 """Of the hold on the axis, N/m^3; where tissue moves along the axis alone it does nothing."""
