@@ -1,1 +1,1 @@
-"""Contact of needle and tissue: functionals, condensed equations, friction."""
+"""Contact between needle and tissue: linear functionals, condensed equations, friction."""

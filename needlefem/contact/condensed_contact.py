@@ -1,4 +1,11 @@
-"""What the needle touches, as linear functionals of the displacement."""
+"""Contact between needle and tissue in terms of the tissue's compliance.
+
+The contact uses linear functionals of the displacement only: the mean over the tip kernel and the
+means over the contact segments of the cut path. The tissue is described by the compliance between
+these functionals, ``W = B A^-1 B^T``, a small dense matrix. `CondensedContact` stores the contact
+segments and eliminates their lateral forces with a Cholesky factor. The factor is extended by a
+few rows for each new segment. `ShaftEquations` are the remaining equations in the axial direction.
+"""
 
 import dataclasses
 from typing import NamedTuple
@@ -12,7 +19,7 @@ from needlefem.fem.interpolation import LinearFunctionals
 
 
 class ContactSegment(NamedTuple):
-    """A functional of the displacement that belongs to the needle.
+    """A linear functional of the displacement: the mean over one segment of the cut path.
 
     Parameters
     ----------
@@ -20,9 +27,9 @@ class ContactSegment(NamedTuple):
     weights : array, shape (k,)
         The functional is ``sum_k weights[k] u[nodes[k]]``.
     offset : array, shape (dim - 1,), m
-        Lateral offset from the axis of the material that it stands for, undeformed.
+        Lateral offset of the segment's material from the needle axis before the deformation.
     compliance : float, m/N
-        Of its lateral hold.
+        Compliance of the segment's lateral penalty.
     """
 
     nodes: Ints
@@ -32,30 +39,30 @@ class ContactSegment(NamedTuple):
 
 
 class ContactTrial(NamedTuple):
-    """Functionals tried beside the path, and the tissue's response to loads on them.
+    """Functionals that are not part of the path yet, and the tissue's response to loads on them.
 
-    Rows are functional-major: for each functional the axial, then the lateral components.
+    The rows are ordered by functional: its axial component first, then its lateral components.
 
     Parameters
     ----------
     weights : LinearFunctionals
         The functionals.
     loads : array, shape (rows, n)
-        Loads on touched dofs for unit forces on the functionals.
+        Loads on the dofs of `rows` for unit forces on the functionals.
     rows : array, shape (n,)
-        Rows that these dofs have among the responses.
+        Rows of these dofs in the compliance operator.
     response : ComplianceColumns
         Displacement for these loads.
     bare : array, shape (rows, rows), m/N
-        Response to unit forces with the path's lateral forces unchanged.
+        Compliance of the functionals if the lateral forces on the path do not change.
     coupling : array, shape (rows, path rows), m/N
-        Response to unit forces on the path's pieces.
+        Displacement of the functionals for unit forces on the contact segments.
     half : array, shape (path laterals, rows)
-        ``L^-1`` times the lateral part of the coupling, transposed.
+        ``L^-1`` times the transposed lateral part of the coupling.
     compliance : array, shape (rows, rows), m/N
-        Response to unit forces when the path's lateral forces follow.
+        Compliance of the functionals if the lateral forces on the path follow from the penalty.
     displacement : array, shape (rows,), m
-        Displacement without any force on the functionals tried.
+        Displacement of the functionals without forces on them.
     """
 
     weights: LinearFunctionals
@@ -70,18 +77,18 @@ class ContactTrial(NamedTuple):
 
 
 class AxialCompliance(NamedTuple):
-    """Axial displacement of the covered pieces when lateral forces follow.
+    """Axial displacement of the active segments after elimination of the lateral forces.
 
     Parameters
     ----------
     compliance : array, shape (covered, covered), m/N
-        Response to axial forces on them.
+        Axial displacement for unit axial forces.
     displacement : array, shape (covered,), m
-        Without axial forces.
+        Axial displacement without axial forces.
     half : array, shape (covered laterals, covered)
-        ``L^-1`` times the response of lateral to axial components.
+        ``L^-1`` times the compliance between lateral and axial components.
     held : array, shape (covered laterals,)
-        ``L^-1`` times what the lateral hold has to close without axial forces.
+        ``L^-1`` times the lateral gap that the penalty closes in the absence of axial forces.
     """
 
     compliance: Floats
@@ -90,35 +97,27 @@ class AxialCompliance(NamedTuple):
     held: Floats
 
 
-# Contact between needle and tissue in terms of the tissue's responses.
-#
-# Everything that touches the needle is a linear functional of the displacement: the mean over the
-# tip's kernel, the mean over a piece of the cut path. The tissue enters through the responses of
-# these functionals to one another, ``W = B A^-1 B^T``, a small dense matrix. Lateral forces on
-# the path are eliminated by a Cholesky factor that grows by the rows of each new piece.
-
-
 class CondensedContact:
-    """The path's pieces and their responses; grows as the needle advances.
+    """The contact segments of the cut path and their compliance.
 
-    A needle drawn back lies in the first `covered` pieces of its path; what belongs to these is
-    the leading part of everything kept here.
+    The number of segments grows as the needle advances. During a retraction the first `covered`
+    segments are active. Their data are the leading parts of all arrays that are stored here.
 
     Parameters
     ----------
     responses : ComplianceOperator
-        Of the step's operator.
+        Compliance of the operator of the time step.
     frame : array, shape (dim, dim)
         Rows: needle direction, lateral directions.
     background : array, shape (nnodes, dim), m, optional
-        Displacement that the tissue would have without the needle at this step (dynamics).
+        Displacement of the tissue in this step in the absence of the needle (with inertia).
 
     Attributes
     ----------
     swing : array, shape (3, npieces), or None
-        Of tissue with inertia, for each piece along the needle: half the way that it would go in
-        this step at the velocity at its start, and at its mean velocity in the step before, m;
-        and its compliance if inertia alone held it, m/N.
+        For tissue with inertia, three axial values of each segment: half of the displacement in
+        this step at the velocity at its start (m), half of the displacement at the mean velocity
+        of the previous step (m), and the compliance that results from inertia alone (m/N).
     """
 
     def __init__(
@@ -144,19 +143,19 @@ class CondensedContact:
 
     @property
     def _laterals(self) -> Ints | slice:
-        """Path rows of lateral components."""
+        """Path rows of the lateral components of the active segments."""
         if self.dim == 2:
             return slice(1, self._size, 2)
         return np.arange(self._size).reshape(-1, self.dim)[:, 1:].ravel()
 
     def _columns_at(self, rows: Ints) -> Floats:
-        """Return the covered pieces' columns on rows; the same rows are asked for many times."""
+        """Return the columns of the active segments; cached, because the same rows often recur."""
         if self._asked is not rows or self._near.shape[1] != self._size:
             self._asked, self._near = rows, self._columns[rows, : self._size]
         return self._near
 
     def trial(self, weights: LinearFunctionals) -> ContactTrial:
-        """Return the tissue's response at functionals, given the path so far."""
+        """Return the tissue's response at functionals for the present path."""
         rows = self.responses.rows(weights.nodes)
         self._follow_growth()
         count = len(weights.rows) * self.dim
@@ -183,7 +182,7 @@ class CondensedContact:
         return found
 
     def _follow_growth(self) -> None:
-        """Compute the pieces' responses at nodes that were touched since."""
+        """Extend the segments' columns by the nodes that were added to the operator."""
         size = self.responses.size
         if size > self._known_rows:
             self._columns = enlarged(self._columns, size, 0)
@@ -196,17 +195,17 @@ class CondensedContact:
     def field_at(
         self, nodes: Ints, path: Floats, trial: ContactTrial | None, forces: Floats
     ) -> Floats:
-        """Return the displacement of nodes under forces, shape (len(nodes), dim), m.
+        """Return the displacement of nodes for given forces, shape (len(nodes), dim), m.
 
         Parameters
         ----------
         nodes : array, shape (k,)
         path : array, shape (n,)
-            Forces on the first pieces, needle's frame, piece-major.
+            Forces on the first segments in the needle's frame, ordered by segment, N (N/m in 2D).
         trial : ContactTrial, optional
-            Functionals on which there are forces as well.
+            Further functionals with forces.
         forces : array, shape (rows,)
-            Forces on them.
+            Forces on the functionals of `trial`, N (N/m in 2D).
         """
         rows = self.responses.rows(nodes)
         self._follow_growth()
@@ -218,20 +217,20 @@ class CondensedContact:
     def append_segment(
         self, trial: ContactTrial, which: int, axial: float, offset: Floats, compliance: float
     ) -> None:
-        """Make a tried functional a piece of the path, all of which is covered.
+        """Append a functional of a trial to the path as a segment; all segments become active.
 
         Parameters
         ----------
         trial : ContactTrial
-            Tried against the path as it is.
+            Trial that was computed for the present path.
         which : int
             Number of the functional in the trial.
         axial : float, N (N/m in 2D)
-            Friction force on it from now on.
+            Friction force on the segment.
         offset : array, shape (dim - 1,), m
-            Lateral offset of its material from the axis, undeformed.
+            Lateral offset of the segment's material from the axis before the deformation.
         compliance : float, m/N
-            Of its lateral hold.
+            Compliance of its lateral penalty.
         """
         dim, number = self.dim, len(self.pieces)
         mine = slice(which * dim, (which + 1) * dim)
@@ -260,12 +259,12 @@ class CondensedContact:
         self.eliminate_lateral()
 
     def set_active(self, count: int) -> None:
-        """Let the needle lie in the first `count` pieces."""
+        """Make the first `count` segments the active ones and update the elimination."""
         self.covered = count
         self.eliminate_lateral()
 
     def set_friction(self, axial: Floats) -> None:
-        """Let the needle lie in as many pieces as there are friction forces on them."""
+        """Set the friction forces (N, N/m in 2D) of the first segments; these become active."""
         self.axial = np.zeros(len(self.pieces))
         self.axial[: len(axial)] = axial
         self.set_active(len(axial))
@@ -284,13 +283,13 @@ class CondensedContact:
         self._reduced = np.zeros(0)
         if self.covered:
             size, laterals = self.covered * (self.dim - 1), self._laterals
-            if len(self._factor) != size:  # in the order of LAPACK, which would copy it each time
+            if len(self._factor) != size:  # in Fortran order, so that LAPACK does not copy it
                 self._factor = np.asfortranarray(self._cholesky[:size, :size])
             free = self._w[laterals, : self._size : self.dim] @ self.axial[: self.covered]
             self._reduced = self._forward(-(self._gap() + free))
 
     def _gap(self) -> Floats:
-        """Lateral distance of the covered pieces from the axis without any force on them."""
+        """Lateral offset of the active segments from the axis without any force on them, m."""
         gap = self._offsets[: self.covered * (self.dim - 1)]
         if self.background is None:
             return gap
@@ -298,7 +297,7 @@ class CondensedContact:
         return found
 
     def sliding(self) -> AxialCompliance:
-        """Return how the covered pieces move along the needle when nothing is said of friction."""
+        """Return the axial compliance of the active segments, before friction is considered."""
         axials = np.arange(0, self._size, self.dim)
         half, held = np.zeros((0, len(axials))), np.zeros(0)
         if self.covered:
@@ -313,7 +312,7 @@ class CondensedContact:
         return self.covered * self.dim
 
     def _background(self) -> Floats:
-        """Displacement of the pieces without the needle, path rows."""
+        """Displacement of the active segments without the needle, shape (path rows,), m."""
         if self.background is None:
             return np.zeros(self._size)
         field = self.background
@@ -323,14 +322,14 @@ class CondensedContact:
         return rows
 
     def lateral_forces(self, trial: ContactTrial, forces: Floats) -> Floats:
-        """Return the path's lateral forces, shape (npieces, dim - 1), N (N/m in 2D).
+        """Return lateral forces on the active segments, shape (npieces, dim - 1), N (N/m in 2D).
 
         Parameters
         ----------
         trial : ContactTrial
-            Tried against the path as it is.
+            Trial that was computed for the present path.
         forces : array, shape (rows,)
-            Forces on the trial's functionals.
+            Forces on the functionals of the trial.
         """
         if not self.covered:
             return np.zeros((0, self.dim - 1))
@@ -339,16 +338,16 @@ class CondensedContact:
         return np.asarray(solved).reshape(-1, self.dim - 1)
 
     def displacements(self, laterals: Floats, trial: ContactTrial, forces: Floats) -> Floats:
-        """Return mean displacements of the pieces, then of the functionals tried.
+        """Return the mean displacements of the segments, followed by those of the trial.
 
         Parameters
         ----------
         laterals : array, shape (npieces, dim - 1)
-            Lateral forces on the pieces, as `lateral_forces` gives them.
+            Lateral forces on the segments, as returned by `lateral_forces`.
         trial : ContactTrial
-            Tried against the path as it is.
+            Trial that was computed for the present path.
         forces : array, shape (rows,)
-            Forces on the trial's functionals.
+            Forces on the functionals of the trial.
 
         Returns
         -------
@@ -364,12 +363,11 @@ class CondensedContact:
         return np.concatenate([pieces, tried]).reshape(-1, self.dim)
 
 
-# Axial forces of needle and tissue on each other in one step: what sticks and what slips.
-#
-# Unknowns are the friction force on every covered piece, on the piece that the tip is in, and the
-# axial force of the tip. Lateral forces follow and are eliminated. With friction between its
-# limits, and the tip's force between nothing and that of cutting, the forces minimise a convex
-# potential under bounds (`boxed`), and the gradient is how far the needle slips.
+# Axial equations of one step. The unknowns are the friction forces on the active segments, the
+# friction force on the tip's segment and the axial force on the tip. The lateral forces are
+# eliminated. If each friction force lies within its limits and the tip force lies between zero and
+# the cutting force, the forces minimise a convex potential under bounds. The gradient of the
+# potential is the slip between needle and tissue.
 
 
 # Kernel: axial equations of shaft and tip with all lateral forces eliminated.
@@ -381,22 +379,22 @@ class CondensedContact:
 # Source: static condensation, R. J. Guyan, AIAA Journal 3 (1965) 380; docs/theory.md, (8), (10).
 @dataclasses.dataclass(frozen=True, eq=False)
 class ShaftEquations:
-    """Axial displacements as affine functions of axial forces, ``u = free + compliance z``.
+    """Axial displacements as affine functions of the axial forces, ``u = free + compliance z``.
 
-    Rows and forces `z` are those of the covered pieces, of the piece that the tip is in, and of
-    the tip. The trial's functionals are the tip's kernel (first) and that piece (second).
+    The rows and the forces `z` are ordered: active segments, tip's segment, tip. The first
+    functional of the trial is the tip kernel, the second is the tip's segment.
 
     Parameters
     ----------
     trial : ContactTrial
     sliding : AxialCompliance
-        Of the covered pieces.
+        Axial compliance of the active segments.
     compliance : array, shape (n, n), m/N
     free : array, shape (n,), m
-    hold : array, shape (dim - 1, n + 1), N/N and N
-        Lateral force on the tip's piece: part per unit of axial forces, and constant part.
-    sideways : array, shape (dim - 1, n + 1), m/N and m
-        Lateral displacement of the tip's kernel, in the same way.
+    lateral_force_map : array, shape (dim - 1, n + 1), N/N and N
+        Lateral force on the tip's segment: coefficients of the axial forces, then the constant.
+    lateral_displacement_map : array, shape (dim - 1, n + 1), m/N and m
+        Lateral displacement of the tip kernel: coefficients of the axial forces, then the constant.
     """
 
     trial: ContactTrial
@@ -415,19 +413,19 @@ class ShaftEquations:
         offset: Floats,
         stiffness: float,
     ) -> "ShaftEquations":
-        """Eliminate all lateral forces.
+        """Return the axial equations after elimination of all lateral forces.
 
         Parameters
         ----------
         contact : CondensedContact
         sliding : AxialCompliance
-            As `contact.sliding()` gives it now.
+            Result of `contact.sliding()` for the present path.
         trial : ContactTrial
-            Tried against the same path.
+            Trial that was computed for the present path.
         offset : array, shape (dim - 1,), m
-            Lateral offset from the axis of the material of the tip's piece, undeformed.
+            Lateral offset of the tip's segment from the axis before the deformation.
         stiffness : float, N/m
-            Of its lateral hold.
+            Stiffness of its lateral penalty.
         """
         dim, count = contact.dim, contact.covered
         cross = trial.coupling[:, ::dim] - trial.half.T @ sliding.half
@@ -435,13 +433,13 @@ class ShaftEquations:
         if contact.background is not None:
             bare = bare + (trial.weights.of(contact.background) @ contact.frame.T).ravel()
         axial, end = [dim, 0], slice(dim + 1, 2 * dim)
-        columns = np.hstack([cross, trial.compliance[:, axial]])  # of the trial's rows
+        columns = np.hstack([cross, trial.compliance[:, axial]])  # for the rows of the trial
         compliance = np.zeros((count + 2, count + 2))
         compliance[:count, :count] = sliding.compliance
         compliance[:count, count:] = cross[axial].T
         compliance[count:] = columns[axial]
         free = np.concatenate([sliding.displacement, bare[axial]])
-        # the piece's lateral force, and what it does to all others
+        # lateral force on the tip's segment, and its effect on all other rows
         spring = np.eye(dim - 1) + stiffness * trial.compliance[end, end]
         rhs = np.column_stack([columns[end], offset + bare[end]])
         hold: Floats = -stiffness * np.linalg.solve(spring, rhs).astype(float)
@@ -453,11 +451,11 @@ class ShaftEquations:
                    hold, sideways)  # fmt: skip
 
     def lateral(self, forces: Floats) -> Floats:
-        """Return the lateral force on the tip's piece, shape (dim - 1,), N (N/m in 2D)."""
+        """Return the lateral force on the tip's segment, shape (dim - 1,), N (N/m in 2D)."""
         return _affine(self.lateral_force_map, forces)
 
     def lateral_tip_displacement(self, forces: Floats) -> Floats:
-        """Return the lateral displacement of the tip's kernel, shape (dim - 1,), m."""
+        """Return the lateral displacement of the tip kernel, shape (dim - 1,), m."""
         return _affine(self.lateral_displacement_map, forces)
 
 

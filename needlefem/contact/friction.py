@@ -1,12 +1,16 @@
-"""A convex quadratic potential under bounds: what sticks and what slips.
+"""Friction of the shaft: a bound-constrained quadratic programme, and limits that weaken with slip.
 
-Friction between its limits, and a tip that presses between nothing and the cutting force, are
-the minimiser of ``z.S z / 2 - d.z`` over ``low <= z <= high``: what is inside its bounds sticks
-(the gradient vanishes), what is at a bound slips the way the gradient says. A semismooth Newton
-method with line search on the potential changes many at once (D. P. Bertsekas 1982). Where
-forces hardly differ in their effect it takes short steps; then an active set changes one at a
-time, which ends for certain, since the potential falls and no set comes back (J. Nocedal,
-S. J. Wright 2006, section 16.5).
+Friction forces within their limits and a tip force between zero and the cutting force minimise
+``z.S z / 2 - d.z`` over ``low <= z <= high``. A force inside its bounds belongs to a sticking
+segment (the gradient is zero); a force at a bound belongs to a segment that slips in the direction
+of the gradient. `solve_bound_qp` uses a semismooth Newton method with a line search on the
+potential, which changes many constraints at once (D. P. Bertsekas 1982). If the compliance is
+nearly singular, its steps become short. An active-set method then changes one constraint at a
+time. It always terminates, because the potential decreases and no active set occurs twice
+(J. Nocedal, S. J. Wright 2006, section 16.5).
+
+`SlipWeakeningFriction` is the friction limit as a function of slip, and `FrictionStep` the return
+mapping of one step.
 """
 
 import dataclasses
@@ -18,10 +22,10 @@ from needlefem._arrays import Bools, Floats
 from needlefem.errors import SimulationError
 
 ROUND_OFF = 1e-14
-"""Of the gradient, relative to the largest of its terms and times their number."""
+"""Round-off of the gradient, relative to its largest term times the number of terms."""
 UNTOLD = (
-    "the tissue can't tell apart what sticks: the path's pieces are too short for the mesh; "
-    "lengthen discretisation.path_spacing or give needle.stick_stiffness"
+    "the friction forces of sticking contact segments can't be resolved: the segments are too "
+    "short for the mesh; lengthen discretisation.path_spacing or set needle.stick_stiffness"
 )
 NEWTON_STEPS = 12
 MOST_HALVINGS = 12
@@ -37,7 +41,7 @@ class _Problem:
         return (z > self.low) & (z < self.high)
 
     def look(self, z: Floats) -> tuple[Floats, Bools]:
-        """Return the gradient, and what it pulls off a bound."""
+        """Return the gradient, and whether it points from an active bound into the interval."""
         push = self.matrix @ z
         gradient = push - self.linear
         self.noise = ROUND_OFF * len(z) * float(np.abs(push).max() + np.abs(self.linear).max())
@@ -46,7 +50,7 @@ class _Problem:
         return gradient, (off_low | off_high) & self._loose
 
     def newton(self, gradient: Floats, free: Bools) -> Floats:
-        """Return the step to the minimum over what is free."""
+        """Return the step to the minimum over the free unknowns."""
         step, where = np.zeros_like(gradient), np.flatnonzero(free)
         if where.size:
             part = self.matrix[where[:, None], where]
@@ -57,7 +61,7 @@ class _Problem:
         return step
 
     def descend(self, z: Floats, gradient: Floats, step: Floats) -> Floats:
-        """Return the point along the step, projected onto the bounds, where the potential falls."""
+        """Return a point on the step, projected onto the bounds, with a sufficient decrease."""
         reached, share = z, 1.0
         for _ in range(MOST_HALVINGS):
             reached = np.clip(z + share * step, self.low, self.high)
@@ -84,14 +88,14 @@ def solve_bound_qp(
     Parameters
     ----------
     matrix : array, shape (n, n)
-        Symmetric, positive definite on what is not fixed by equal bounds.
+        Symmetric; positive definite on the unknowns whose two bounds differ.
     linear, low, high, start : arrays, shape (n,)
         Bounds may be infinite; `start` need not be within them.
 
     Raises
     ------
     SimulationError
-        Round-off hides the minimum.
+        The matrix is singular within round-off, or the active set does not converge.
     """
     problem = _Problem(matrix, linear, low, high)
     z = np.clip(start, low, high)
@@ -105,7 +109,7 @@ def solve_bound_qp(
 
 
 def _one_by_one(problem: _Problem, z: Floats) -> Floats:
-    """Return the minimiser by an active set."""
+    """Return the minimiser by a method that changes one active constraint at a time."""
     free = problem.inside(z)
     for _ in range(20 * len(z) + 100):
         gradient, pulled = problem.look(z)
@@ -123,33 +127,33 @@ def _one_by_one(problem: _Problem, z: Floats) -> Floats:
         if not pulled.any():
             return z
         free[int(np.argmax(np.where(pulled, np.abs(gradient), 0.0)))] = True
-    raise SimulationError("no state of stick and slip found; the path's pieces are too short")
-
-
-# Friction of shaft and tissue: limits that weaken with slip, and their return mapping.
+    raise SimulationError(
+        "no set of sticking and slipping contact segments satisfies the friction limits: the "
+        "segments are too short for the mesh"
+    )
 
 
 MOST_WEAKENINGS = 500
 SETTLED = 1e-12
-"""Change of friction limits, relative to them, at which weakening has come to rest."""
+"""Relative change of the friction limits below which the iteration has converged."""
 SINGULAR = 1e12
-"""Condition of the response of what sticks at which its forces are noise."""
+"""Condition number of the sticking segments' compliance above which round-off dominates."""
 STUCK = 1e-13
-"""Slip in a step that is none, m."""
+"""Slip in a step that counts as zero, m."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SlipWeakeningFriction:
-    """Friction limit over slip: static for what sticks, kinetic after some slip.
+    """Friction limit as a function of slip: static when sticking, kinetic after some slip.
 
     Parameters
     ----------
     ratio : float
-        Static over kinetic limit.
+        Ratio of the static limit to the kinetic limit.
     length : float, m
-        Slip over which it falls; 0: at the first slip, which no time step resolves.
+        Slip-weakening distance; 0: the limit drops at the first slip, within one time step.
     stiffness : float, Pa (N/m^3 in 2D)
-        Of sticking, per length of path; 0: rigid.
+        Tangential penalty: stiffness of sticking per length of path; 0: rigid.
     """
 
     ratio: float = 1.0
@@ -168,7 +172,7 @@ class SlipWeakeningFriction:
     # d, D_c      slip since the segment last stuck; slip-weakening distance, m
     # Source: linear slip weakening, Y. Ida, J. Geophys. Res. 77 (1972) 3796; docs/theory.md, (11).
     def limits(self, kinetic: Floats, slipped: Floats) -> Floats:
-        """Return the limits after some slip since sticking (m)."""
+        """Return the limits for given slips since sticking (m); both of shape (n,)."""
         if not self.weakens:
             return kinetic
         left = 1.0 - slipped / self.length if self.length > 0.0 else 1.0 * (slipped <= 0.0)
@@ -176,27 +180,27 @@ class SlipWeakeningFriction:
         return found
 
     def slack(self, lengths: Floats) -> Floats:
-        """Return the compliance of sticking of pieces of some lengths (m), m/N."""
+        """Return the compliance of sticking, m/N, of segments of given lengths (m)."""
         stiffness = self.stiffness * lengths
         return np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
 
 
 def stick_condition(compliance: Floats, slack: Floats) -> float:
-    """Return the condition of the response of pieces that stick; 1e16 if singular to round-off.
+    """Return the condition number of the sticking segments' compliance; 1e16 if it is singular.
 
     Parameters
     ----------
     compliance : array, shape (n, n), m/N
-        Axial displacement of the pieces per axial force.
+        Axial displacement of the segments per axial force.
     slack : array, shape (n,), m/N
-        Compliance of sticking itself.
+        Compliance of the tangential penalty.
     """
     values = np.linalg.eigvalsh(compliance + np.diag(slack))
     return float(values[-1] / max(values[0], 1e-16 * values[-1]))
 
 
 def refuse_noise(compliance: Floats, slack: Floats) -> None:
-    """Raise a `SimulationError` if the tissue can't tell apart pieces that stick.
+    """Raise a `SimulationError` if friction forces of sticking segments can't be resolved.
 
     Parameters are those of `stick_condition`.
     """
@@ -206,22 +210,24 @@ def refuse_noise(compliance: Floats, slack: Floats) -> None:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class FrictionStep:
-    """What is known of the pieces' friction when a step is solved.
+    """Friction of the segments at the start of a step, and its return mapping.
 
     Parameters
     ----------
     friction : SlipWeakeningFriction
     kinetic : array, shape (n,), N (N/m in 2D)
-        Limits when slipping.
+        Kinetic friction limits.
     slipped : array, shape (n,), m
-        Slip since sticking, at the step's start.
+        Slip since the segment last stuck, at the start of the step.
     travel : array, shape (n,), m
-        Displacement of the pieces if they moved with the needle from where they were.
+        Displacement that a segment would have if it stuck to the needle during the step.
     old : array, shape (n,), N (N/m in 2D)
-        Friction forces at the step's start.
+        Friction forces at the start of the step.
     lengths : array, shape (n,), m
+        Lengths of the segments.
     lag : array, shape (n,), m, optional
-        By how much a piece that had another velocity stays behind its travel when it sticks.
+        With inertia: distance by which a segment that had another velocity than the needle remains
+        behind `travel` when it begins to stick.
     """
 
     friction: SlipWeakeningFriction
@@ -246,30 +252,32 @@ class FrictionStep:
         start: Floats,
         tip: tuple[float, float, float] | None = None,
     ) -> tuple[Floats, Floats, Floats]:
-        """Return forces, the pieces' slip, and how far the needle is ahead of all rows.
+        """Return the forces, the slip of the segments, and the gap between needle and tissue.
 
-        Of all solutions the one that sticks most is found: limits fall by what slips at them,
-        from those at the step's start on, until none falls further.
+        If several solutions exist, the one with the most sticking is returned: the iteration
+        starts with the limits at the start of the step and reduces them according to the slip
+        until they do not change any more.
 
         Parameters
         ----------
         compliance : array, shape (n, n) or (n + 1, n + 1), m/N
-            Axial displacement of pieces, and of the tip, per axial force.
+            Axial displacement of the segments, and of the tip, per axial force.
         free : array, shape as its rows, m
-            Without any.
+            Axial displacement without axial forces.
         start : array, shape as its rows, N
-            Guess of the forces.
+            Initial guess of the forces.
         tip : (float, float, float), optional
-            Bounds of the tip's force (N), and its displacement if it moved with the needle (m).
+            Bounds of the tip force (N); displacement of the tip if it moved with the needle (m).
 
         Returns
         -------
-        Forces, N (N/m in 2D); slip of the pieces in the step, m, exactly none for what sticks;
-        distances of all rows, m.
+        Forces, N (N/m in 2D); slip of the segments in the step, m, exactly zero if they stick;
+        difference between the displacements of needle and tissue for all rows, m.
 
         Raises
         ------
         SimulationError
+            The friction limits do not converge.
         """
         slack = self.friction.slack(self.lengths)
         lag = 0.0 if self.lag is None else self.lag
@@ -293,15 +301,16 @@ class FrictionStep:
             if np.all(np.abs(limits - weaker) <= SETTLED * limits):
                 return forces, slip, apart
             limits = self._weakened(limits, weaker, slip, inside, matrix)
-        raise SimulationError("friction does not stop weakening; take shorter steps")
+        raise SimulationError("slip weakening does not converge in this step; take shorter steps")
 
     def _weakened(
         self, limits: Floats, weaker: Floats, slip: Floats, inside: Bools, matrix: Floats
     ) -> Floats:
-        """Return limits nearer to those that their own slip gives.
+        """Return limits that are closer to those that follow from their own slip.
 
-        What slips and still weakens is solved for as if nothing else changed (Newton's method).
-        Where that would not come to rest, all that slips falls to what its slip allows.
+        Segments that slip and still weaken are updated by Newton's method, with the others
+        unchanged. If the step would not reduce the residual, the limits of all slipping segments
+        are set to the values that follow from the present slip.
         """
         way = np.where(slip < 0.0, 1, 0)
         pieces = np.arange(len(slip))
@@ -326,9 +335,10 @@ class FrictionStep:
         return found
 
     def _limits(self, slip: Floats) -> Floats:
-        """Return the limits for both ways of slipping after some slip in the step, shape (2, n).
+        """Return the limits for both directions after slip in the step, shape (2, n).
 
-        What turned back has stuck in between, and is held by static friction.
+        A segment that reverses its direction sticks in between, so that its limit starts at the
+        static value again.
         """
         onward = np.where(self.old >= 0.0, self.slipped, 0.0)
         back = np.where(self.old < 0.0, self.slipped, 0.0)

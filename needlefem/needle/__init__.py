@@ -1,1 +1,1 @@
-"""The needle: its line, its tip, and contact in terms of the tissue's responses."""
+"""The needle: insertion axis, tip kernel, properties along the cut path, and clearances."""

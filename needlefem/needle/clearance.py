@@ -1,8 +1,8 @@
-"""How near a straight needle comes to what it must not touch.
+"""Distances between a straight needle and obstacles.
 
-The needle is taken for the half-line behind its tip: all of the straight path to the release, and
-what of the needle is still outside. Obstacles are fixed in space, so that all of this is exact
-geometry.
+The needle is represented by the half-line behind its tip. This contains the straight path to the
+release point and the part of the needle outside of the tissue. Obstacles are fixed in space, so
+that all distances follow from exact geometry.
 """
 
 import dataclasses
@@ -16,22 +16,22 @@ from needlefem.geometry.contour import Contour
 from needlefem.needle.needle_interface import InsertionAxis
 
 EDGE = 1e-9
-"""Distance by which a needle at the edge of what is allowed may come too near by round-off, m."""
+"""Tolerance for round-off in the comparison of a distance with the clearance, m."""
 
 Interval = tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True)
 class Passing:
-    """How a needle passes an obstacle.
+    """Distance between the needle and one obstacle.
 
     Parameters
     ----------
     obstacle : str
     distance : float, m
-        Between the needle's line and the obstacle; 0 where it goes through.
+        Between the needle's line and the obstacle; 0 if the line intersects the obstacle.
     clearance : float, m
-        Least distance that is allowed.
+        Smallest allowed distance.
     """
 
     obstacle: str
@@ -40,7 +40,7 @@ class Passing:
 
     @property
     def allowed(self) -> bool:
-        """Whether the needle keeps its distance."""
+        """Whether the distance is at least the clearance."""
         return self.distance >= self.clearance - EDGE
 
     def __str__(self) -> str:
@@ -49,23 +49,23 @@ class Passing:
 
 
 class HasClearance(Protocol):
-    """What a needle has to keep away from: a filled contour and the least distance, m."""
+    """An obstacle: a filled contour and the smallest allowed distance to it, m."""
 
     @property
     def contour(self) -> Contour:
-        """Its outline, fixed in space."""
+        """Outline of the obstacle, fixed in space."""
         ...
 
     @property
     def clearance(self) -> float:
-        """Least distance of the needle's line, m."""
+        """Smallest allowed distance between the needle's line and the contour, m."""
         ...
 
 
 def passings(
     obstacles: Mapping[str, HasClearance], axis: InsertionAxis, depth: float
 ) -> tuple[Passing, ...]:
-    """Return how a needle with its tip at a depth (m) passes obstacles, by their names."""
+    """Return the distances to all obstacles, by their names, for a tip at a depth (m)."""
     return tuple(
         Passing(name, distance(axis, depth, obstacle.contour), obstacle.clearance)
         for name, obstacle in obstacles.items()
@@ -73,7 +73,7 @@ def passings(
 
 
 def distance(axis: InsertionAxis, depth: float, contour: Contour) -> float:
-    """Return the distance of a needle with its tip at a depth to a filled contour, m."""
+    """Return the distance, m, between a filled contour and a needle with its tip at a depth, m."""
     tip: Vector = axis.tip_position(depth)
     if contour.contains(tip[None])[0]:
         return 0.0
@@ -85,20 +85,20 @@ def distance(axis: InsertionAxis, depth: float, contour: Contour) -> float:
 def blocked(
     axis: InsertionAxis, depth: float, contour: Contour, clearance: float
 ) -> list[Interval]:
-    """Return the lateral positions at which a needle comes too near a filled contour.
+    """Return the lateral offsets at which a needle is closer to a contour than the clearance.
 
     Parameters
     ----------
     axis : InsertionAxis
-        Of a needle at position 0; others are parallel.
+        Axis of a needle at lateral offset 0; the other needles are parallel to it.
     depth : float, m
-        Of the tips along this axis.
+        Depth of the tips along this axis.
     contour : Contour
     clearance : float, m
 
     Returns
     -------
-    Open intervals in rising order that do not overlap, m.
+    Disjoint open intervals of lateral offsets in rising order, m.
     """
     low, high = _laterals_behind(axis, depth, contour)
     low_tip, high_tip = _laterals_about_tip(axis, depth, contour, clearance)
@@ -108,7 +108,7 @@ def blocked(
 
 
 def merged(intervals: list[Interval]) -> list[Interval]:
-    """Return the union of intervals, in rising order."""
+    """Return the union of intervals in rising order."""
     found: list[Interval] = []
     for low, high in sorted(intervals):
         if found and low <= found[-1][1]:
@@ -119,7 +119,7 @@ def merged(intervals: list[Interval]) -> list[Interval]:
 
 
 def gaps(low: float, high: float, taken: list[Interval]) -> list[Interval]:
-    """Return what sorted, disjoint intervals leave of the interval from `low` to `high`."""
+    """Return the parts of an interval [`low`, `high`] outside of sorted disjoint intervals."""
     found = []
     for start, end in [*taken, (high, high)]:
         if min(start, high) > low:
@@ -129,7 +129,7 @@ def gaps(low: float, high: float, taken: list[Interval]) -> list[Interval]:
 
 
 def _edges(axis: InsertionAxis, contour: Contour) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return along and lateral coordinates of all edges' ends, the one behind first."""
+    """Return axial and lateral coordinates of the ends of all edges; the shallower end first."""
     along, lateral = (
         axis.axial_coordinate(contour.points),
         axis.lateral_offset(contour.points)[:, 0],
@@ -145,7 +145,7 @@ def _edges(axis: InsertionAxis, contour: Contour) -> tuple[Floats, Floats, Float
 
 
 def _laterals_behind(axis: InsertionAxis, depth: float, contour: Contour) -> tuple[Floats, Floats]:
-    """Return the lateral ranges of the edges' parts that are not ahead of the tip."""
+    """Return the lateral ranges of the parts of the edges that are not deeper than the tip."""
     along, lateral, end_along, end_lateral = _edges(axis, contour)
     rise = end_along - along
     share = np.where(rise > 0.0, (depth - along) / np.where(rise > 0.0, rise, 1.0), 1.0)
@@ -157,10 +157,10 @@ def _laterals_behind(axis: InsertionAxis, depth: float, contour: Contour) -> tup
 def _laterals_about_tip(
     axis: InsertionAxis, depth: float, contour: Contour, clearance: float
 ) -> tuple[Floats, Floats]:
-    """Return the lateral ranges in which the tip is within the clearance of each edge.
+    """Return the lateral ranges in which the tip is closer to each edge than the clearance.
 
-    The farthest tip on a side touches the edge where a circle around the tip is tangent to it, or
-    else at the end nearest to that place.
+    The extreme tip position on either side is where a circle around the tip is tangent to the
+    edge, or otherwise the position opposite to the nearer end of the edge.
     """
     along, lateral, end_along, end_lateral = _edges(axis, contour)
     rise, across = end_along - along, end_lateral - lateral

@@ -1,8 +1,9 @@
-"""The tip's kernel: the disc (ball) over which the tip's force is spread.
+"""The needle in one tissue: tip kernel, insertion axis and contact functionals.
 
-A point force has an unbounded displacement, so that every answer would drift with refinement.
-Spread over a disc of the needle's own size, with the work-conjugate mean displacement over the
-same disc, tip force and tip displacement are finite and converge.
+A point force has an unbounded displacement, so that all results would depend on the mesh size. The
+tip force is therefore distributed over a disc (in 3D a ball) with the needle's radius, and the
+displacement of the tip is the mean over the same disc, which is work-conjugate to the force. Both
+are finite and converge under mesh refinement.
 """
 
 import dataclasses
@@ -18,22 +19,23 @@ from needlefem.fem.interpolation import Follower, Interpolation, LinearFunctiona
 
 
 class Kernel(Protocol):
-    """A way to spread the tip's force."""
+    """Distribution of the tip force over the tissue."""
 
     def rule(self, centre: Vector) -> tuple[Points, Floats]:
-        """Return offsets from the centre, and weights, as `quadrature` does with points.
+        """Return offsets from the centre, shape (n, dim), m, and weights, shape (n,).
 
-        Deep in the tissue, where they do not depend on the centre, always the same objects.
+        Where the rule does not depend on the centre (deep in the tissue), the same objects are
+        returned each time.
         """
         ...
 
     def quadrature(self, centre: Vector) -> tuple[Points, Floats]:
-        """Return points, shape (n, dim), and weights, shape (n,), that sum to 1."""
+        """Return points, shape (n, dim), m, and weights, shape (n,), with the sum 1."""
         ...
 
 
 class PointKernel:
-    """A point force. It never converges under refinement and is kept to show just that."""
+    """A point force, which does not converge under refinement; for verification only."""
 
     def __init__(self, dim: int) -> None:
         self._point = np.zeros((1, dim)), np.ones(1)
@@ -55,17 +57,17 @@ class PointKernel:
 class TipKernel:
     """A disc (2D) or ball (3D) of uniform weight, cut off at the skin.
 
-    The rule is a product of one along the skin's inward normal and one across it. Where the
-    disc reaches out of the skin only the part inside counts, renormalised; its points move
-    smoothly with the centre, so that the needle's answer has no jumps there.
+    The rule is a product of a rule along the inward normal of the skin and one across it. If a
+    part of the disc is outside of the skin, the rule covers the part inside, and the weights are
+    renormalised. The points move smoothly with the centre, so that the result has no jumps there.
 
     Parameters
     ----------
     radius : float, m
     points : int
-        Wanted number of quadrature points; the rule takes the nearest product.
+        Requested number of quadrature points; the nearest product rule is used.
     skin : array, shape (dim,), m
-        A point of the skin, taken as plane within a radius of the needle.
+        A point of the skin. The skin is taken as plane within the needle's radius.
     inward : array, shape (dim,)
         Unit normal of the skin that points into the tissue.
     """
@@ -92,7 +94,7 @@ class TipKernel:
         return centre + offsets, weights
 
     def _rule(self, low: float) -> tuple[Points, Floats]:
-        """Return offsets from the centre, and weights, of the disc above a height in it."""
+        """Return offsets and weights for the part of the unit disc above a height."""
         radius = self.radius
         height = low + 0.5 * (radius - low) * (1.0 + np.sin(self._angle))
         half = np.sqrt(np.maximum(radius**2 - height**2, 0.0))
@@ -104,26 +106,26 @@ class TipKernel:
 
 
 def cross_section(radius: float, points: int, dim: int) -> tuple[Points, Floats]:
-    """Return a rule over a shaft's cross-section, uniform; weights sum to 1.
+    """Return a uniform rule over the cross-section of a shaft.
 
     Parameters
     ----------
     radius : float, m
     points : int
-        Points of the tip's kernel; the section is resolved as the kernel is.
+        Number of points of the tip kernel; the cross-section gets a similar resolution.
     dim : int
-        Dimensions of the space.
+        Dimension of the space.
 
     Returns
     -------
-    Offsets along the needle's lateral directions, shape (n, dim - 1), m, and weights, shape (n,).
+    Offsets along the lateral directions, shape (n, dim - 1), m; weights with sum 1, shape (n,).
     """
     offsets, weights = _unit_ball_rule(dim - 1, _split(points, dim)[1])
     return radius * offsets, weights / weights.sum()
 
 
 def _split(points: int, dim: int) -> tuple[int, int]:
-    """Return how many points go along the skin's normal, and how many across it."""
+    """Return the numbers of points along the normal of the skin and across it."""
     along = max(2, round((1.5 ** (dim - 1) * points) ** (1.0 / dim)))
     return along, max(1, round((points / along) ** (1.0 / (dim - 1))))
 
@@ -140,12 +142,9 @@ def _unit_ball_rule(dim: int, n: int) -> tuple[Points, Floats]:
     return points.reshape(-1, 2), np.repeat(weights, 2 * n)
 
 
-# The straight line on which a rigid needle moves.
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class InsertionAxis:
-    """The line ``entry + s direction``, s being the depth of the tip.
+    """The straight line ``entry + s direction`` of a rigid needle; s is the depth of the tip.
 
     Parameters
     ----------
@@ -162,7 +161,8 @@ class InsertionAxis:
     def lateral_directions(self) -> Floats:
         """Orthonormal lateral directions, shape (dim - 1, dim).
 
-        Made from the coordinate axes in their order, the one most along the needle left out.
+        They are made from the coordinate axes in their order. The coordinate axis that is closest
+        to the needle direction is omitted.
         """
         dim = len(self.direction)
         keep = np.delete(np.eye(dim), np.argmax(np.abs(self.direction)), axis=0)
@@ -174,45 +174,42 @@ class InsertionAxis:
 
     @cached_property
     def frame(self) -> Floats:
-        """Rows: the direction, then the laterals; shape (dim, dim)."""
+        """Needle direction and lateral directions as rows, shape (dim, dim)."""
         return np.vstack([self.direction, self.lateral_directions])
 
     def tip_position(self, depth: float) -> Vector:
-        """Return where the tip is in the world at a depth, shape (dim,), m."""
+        """Return the position of the tip in space at a depth (m), shape (dim,), m."""
         return self.entry + depth * self.direction
 
     def lateral_offset(self, points: Points) -> Floats:
-        """Return lateral coordinates relative to the line, shape (..., dim - 1), m."""
+        """Return lateral coordinates of points relative to the line, shape (..., dim - 1), m."""
         offsets: Floats = (points - self.entry) @ self.lateral_directions.T
         return offsets
 
     def axial_coordinate(self, points: Points) -> Floats:
-        """Return coordinates along the line from the entry, shape (...,), m."""
+        """Return the axial coordinates of points, measured from the entry, shape (...,), m."""
         lengths: Floats = (points - self.entry) @ self.direction
         return lengths
 
 
-# A needle on its line in one tissue: what it touches there and what resists it.
-
-
 ROUND_OFF = 1e-12
-"""Distance outside the skin, relative to the spacing, that is none."""
+"""Distance outside of the skin that counts as zero, relative to the path spacing."""
 PIECE_POINTS = 5
-"""Gauss points on a piece of the cut path; more change nothing at h >= spacing / 3."""
+"""Gauss points along a contact segment. More have no effect for element sizes >= spacing / 3."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class NeedleInterface(Lasting):
-    """All that contact needs to know of the needle.
+    """Contact functionals of the needle in one tissue, with cutting force and friction.
 
     Parameters
     ----------
     axis : InsertionAxis
-        Its line.
+        The insertion axis.
     kernel : Kernel
-        How the tip's force is spread.
+        Distribution of the tip force.
     interpolation : Interpolation
-        Of the tissue's displacement.
+        Interpolation of the tissue's displacement.
     cutting_force : array, shape (nnodes,), N (N/m in 2D)
         Nodal field of the axial force at which the tip cuts.
     shaft_friction : array, shape (nnodes,), N/m (Pa in 2D)
@@ -220,9 +217,9 @@ class NeedleInterface(Lasting):
     section : (array, array)
         Offsets (n, dim - 1), m, and weights (n,) of a rule over the shaft's cross-section.
     lateral_stiffness : float, Pa (N/m^3 in 2D)
-        Of the hold on the axis per length of cut path.
+        Stiffness of the lateral penalty per length of cut path.
     spacing : float, m
-        Length of the pieces of the cut path.
+        Length of the contact segments.
     inward : array, shape (dim,)
         Unit normal of the skin at the entry that points into the tissue.
     """
@@ -239,7 +236,7 @@ class NeedleInterface(Lasting):
 
     @cached_property
     def piece_rule(self) -> tuple[Floats, Floats, Floats]:
-        """Shares of the piece's length, offsets across it (m), and weights (sum 1) of points."""
+        """Points of a segment: shares of its length, offsets across it (m), weights (sum 1)."""
         nodes, weights = gauss_legendre(PIECE_POINTS)
         across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
@@ -252,27 +249,27 @@ class NeedleInterface(Lasting):
         return _TipSegmentFunctionals(self)
 
     def tip(self, point: Vector) -> LinearFunctionals:
-        """Return the mean over the tip's kernel at a material point (one row)."""
+        """Return the mean over the tip kernel at a material point as a functional (one row)."""
         points, weights = self.kernel.quadrature(point)
         rows = np.zeros(len(points), dtype=np.intp)
         return self.interpolation.means(points, weights, rows, 1)
 
     def tip_and_piece(self, point: Vector, last: Vector) -> LinearFunctionals:
-        """Return the kernel's mean (row 0) and the mean over the piece behind it (row 1).
+        """Return the means over the tip kernel (row 0) and over the tip's segment (row 1).
 
         Parameters
         ----------
         point, last : array, shape (dim,), m
-            Material points at the tip now, and at the end of the newest piece.
+            Material points at the tip, and at the end of the last complete segment.
         """
         return self._behind.means(point, last)
 
     def resistance(self, weights: LinearFunctionals) -> tuple[float, float]:
-        """Return cutting force (of row 0) and friction limit (of row 1) of functionals."""
+        """Return the cutting force of row 0 and the friction limit of row 1 of functionals."""
         return self._behind.resistance(weights)
 
     def pieces(self, vertices: Points) -> LinearFunctionals:
-        """Return the means over the pieces of a path between its vertices, shape (n, dim), m."""
+        """Return the means over the segments between the vertices of a path, shape (n, dim), m."""
         share, offsets, weights = self.piece_rule
         ahead = np.diff(vertices, axis=0)[:, None]
         under = (vertices[:-1] - self.axis.entry) @ self.inward
@@ -285,24 +282,24 @@ class NeedleInterface(Lasting):
         return self.interpolation.means(points, ((1.0 - low) * weights).ravel(), rows, len(ahead))
 
     def cutting_force_at(self, weights: LinearFunctionals) -> float:
-        """Return the cutting force, averaged over the kernel (row 0), N (N/m in 2D)."""
+        """Return the mean of the cutting force over the kernel (row 0), N (N/m in 2D)."""
         return float(weights.rows[0] @ self.cutting_force[weights.nodes])
 
     def friction_at(self, weights: LinearFunctionals) -> float:
-        """Return the friction limit, averaged over the piece (row 1), N/m (Pa in 2D)."""
+        """Return the mean of the friction limit over the segment (row 1), N/m (Pa in 2D)."""
         return float(weights.rows[1] @ self.shaft_friction[weights.nodes])
 
 
 class _TipSegmentFunctionals:
-    """The tip's kernel and the piece behind it, with what stays the same from call to call."""
+    """Functionals of the tip kernel and of the tip's segment; stores what all calls share."""
 
     def __init__(self, instrument: NeedleInterface) -> None:
-        # no reference to the instrument, which keeps this: both are freed together
+        # no reference to the instrument, which owns this object: both are freed together
         self._quadrature = instrument.kernel
         self._fields = (instrument.cutting_force, instrument.shaft_friction)
         share, self._piece_offsets, self._piece_weights = instrument.piece_rule
         self._kernel, _ = instrument.kernel.rule(instrument.axis.entry)
-        count = len(self._kernel)  # the kernel has as many points everywhere
+        count = len(self._kernel)  # the kernel has the same number of points at all centres
         self._share: Floats = np.concatenate([np.ones((count, 1)), share])
         self._offsets: Points = np.zeros((0, 0))
         self._weights: Floats = np.zeros(0)
@@ -334,7 +331,7 @@ class _TipSegmentFunctionals:
         return self._follower.means(points, weights)
 
     def _cut(self, point: Vector, last: Vector, under: float) -> tuple[Floats, Floats]:
-        """Return shares and weights of points on the part of the piece that is in the tissue."""
+        """Return shares and weights of points on the part of the segment inside of the tissue."""
         count = len(self._share) - len(self._heights)
         rise = float(self._inward @ (point - last))
         low = _share_outside(under + self._heights, rise)
@@ -357,17 +354,17 @@ class _TipSegmentFunctionals:
 
 
 def _share_outside(heights: Floats, rise: Floats | float) -> Floats:
-    """Return which part of lines along a piece lies outside the skin.
+    """Return the share of lines along a segment that lies outside of the skin.
 
-    A quadrature rule over the rest of every line moves smoothly with the tip, where points that
-    are left out one by one would make the needle's answer jump.
+    The quadrature rule covers the remaining part of each line and moves smoothly with the tip. If
+    single points were omitted instead, the result would jump.
 
     Parameters
     ----------
     heights : array, m
-        Of the lines' beginnings in the tissue, from the skin on.
+        Depths of the beginnings of the lines below the skin.
     rise : array of a shape that broadcasts to it, or float, m
-        Of the piece, in the same direction.
+        Change of this depth along the segment.
     """
     outside, rising = np.maximum(-heights, 0.0), np.maximum(rise, np.finfo(float).tiny)
     found: Floats = np.minimum(outside / rising, 1.0)
