@@ -4,8 +4,9 @@ The public names below are imported when first used, so that ``import needlefem`
 """
 
 import sys
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from needlefem._exports import lazy_exports
 
 if TYPE_CHECKING:
     from needlefem.api import build_model, plan, simulate
@@ -14,17 +15,26 @@ if TYPE_CHECKING:
     from needlefem.plotting.render import render
 
 __version__ = "0.1.0"
-__all__ = ["build_model", "load_case", "load_result", "plan", "render", "simulate"]
+__all__ = [
+    "__version__",
+    "build_model",
+    "load_case",
+    "load_result",
+    "plan",
+    "render",
+    "simulate",
+]
 
-_HOMES = {
-    "build_model": "needlefem.api",
-    "load_case": "needlefem.casefile.load",
-    "load_result": "needlefem.io.saved_result",
-    "simulate": "needlefem.api",
-    "plan": "needlefem.api",
-    "render": "needlefem.plotting.render",
-}
-
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = lazy_exports(
+        __name__,
+        **{
+            "api": "build_model plan simulate",
+            "casefile.load": "load_case",
+            "io.saved_result": "load_result",
+            "plotting.render": "render",
+        },
+    )
 
 _SHOWN_IN_NOTEBOOKS = (
     ("needlefem.scene.schema", "Scene"),
@@ -32,16 +42,6 @@ _SHOWN_IN_NOTEBOOKS = (
     ("needlefem.planning.result", "Plan"),
     ("needlefem.io.saved_result", "SavedResult"),
 )
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'needlefem' has no attribute '{name}'")
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
 
 
 def _html_of(result: Any) -> str:

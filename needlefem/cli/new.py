@@ -4,14 +4,13 @@ import argparse
 import os
 from pathlib import Path
 
+# every command imports this module for its options: what makes a case is imported when used
+from needlefem import newcase
 from needlefem._toml import brief, comment
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import say, say_json
 from needlefem.errors import CaseError
 from needlefem.io.result_folder import write_text
-from needlefem.newcase.draft import CaseRequest, Draft, case_text, csv_text
-from needlefem.newcase.from_contours import of_contours, of_mesh
-from needlefem.newcase.from_label_map import of_labelmap
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -81,8 +80,8 @@ def main(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draft(options: argparse.Namespace, folder: Path) -> Draft:
-    wanted = CaseRequest(
+def _draft(options: argparse.Namespace, folder: Path) -> "newcase.Draft":
+    wanted = newcase.CaseRequest(
         **{
             name: getattr(options, name)
             for name in ("target", "entry", "direction", "across", "space", "segments", "margin",
@@ -91,25 +90,25 @@ def _draft(options: argparse.Namespace, folder: Path) -> Draft:
         }
     )  # fmt: skip
     if options.labelmap:
-        return of_labelmap(Path(options.labelmap), wanted)
+        return newcase.of_labelmap(Path(options.labelmap), wanted)
     for name in ("across", "segments", *(("entry",) if options.mesh else ())):
         if getattr(wanted, name):
             problem = f"'{getattr(wanted, name)}'"
             what = "contours and label maps" if name == "entry" else "--labelmap alone"
             raise CaseError(f"--{name}", problem, f"it goes with {what}: leave it out")
     if options.mesh:
-        return of_mesh(Path(options.mesh), folder, wanted)
-    return of_contours([Path(name) for name in options.contour], folder, wanted)
+        return newcase.of_mesh(Path(options.mesh), folder, wanted)
+    return newcase.of_contours([Path(name) for name in options.contour], folder, wanted)
 
 
-def _write(draft: Draft, case: Path, own: set[str]) -> list[Path]:
+def _write(draft: "newcase.Draft", case: Path, own: set[str]) -> list[Path]:
     """Write contours and case, never over a file that is there; `own` ones may stay."""
     texts = {
-        case.parent / name: csv_text(contour.points, draft.axes)
+        case.parent / name: newcase.csv_text(contour.points, draft.axes)
         for name, contour in draft.contours.items()
         if os.path.realpath(case.parent / name) not in own
     }
-    texts[case] = case_text(draft)
+    texts[case] = newcase.case_text(draft)
     for path in texts:
         if path.exists():
             raise CaseError("CASE", f"'{path}' is there already", "give another folder")

@@ -1,1 +1,88 @@
-"""Insertions: marched along the cut path or stepped in time, with their energy ledger."""
+"""Insertions of a needle into tissue, along the cut path or in time.
+
+`Simulation` holds what all insertions of a scene share and moves the needle; an `Insertion` has
+its states, events, seeds and status. Energies, displacements and the check of small strains are
+computed from these states.
+"""
+
+from typing import TYPE_CHECKING
+
+from needlefem._exports import lazy_exports
+
+if TYPE_CHECKING:
+    from needlefem.insertion.cut_path import TipPoint, TipTrajectory, TrajectoryInterval
+    from needlefem.insertion.energy_balance import energy_terms
+    from needlefem.insertion.insertion_run import InsertionRun
+    from needlefem.insertion.motion_schedule import TimeStep
+    from needlefem.insertion.path_following import PathFollowing
+    from needlefem.insertion.postprocess import StrainCheck, validity
+    from needlefem.insertion.response_in_time import DynamicResponse, ViscoelasticResponse
+    from needlefem.insertion.result import (
+        EnergyTerms,
+        Event,
+        Insertion,
+        LeftTissueError,
+        Outcome,
+        Rupture,
+        Seed,
+        Status,
+    )
+    from needlefem.insertion.simulation import Discretised, Simulation, Watch, discretised
+    from needlefem.insertion.state import State, TipPhase, displacements, load, loads
+    from needlefem.insertion.sticking import STICK_CONDITION, straight_contact
+    from needlefem.insertion.time_stepping import TimeStepping
+    from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
+
+__all__ = [
+    "STICK_CONDITION",
+    "Discretised",
+    "DynamicResponse",
+    "ElasticResponse",
+    "EnergyTerms",
+    "Event",
+    "Insertion",
+    "InsertionRun",
+    "LeftTissueError",
+    "Outcome",
+    "PathFollowing",
+    "Rupture",
+    "Seed",
+    "Simulation",
+    "State",
+    "Status",
+    "StrainCheck",
+    "TimeStep",
+    "TimeStepping",
+    "TipPhase",
+    "TipPoint",
+    "TipTrajectory",
+    "TissueResponse",
+    "TrajectoryInterval",
+    "ViscoelasticResponse",
+    "Watch",
+    "discretised",
+    "displacements",
+    "energy_terms",
+    "load",
+    "loads",
+    "straight_contact",
+    "validity",
+]
+
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = lazy_exports(
+        __name__,
+        cut_path="TipPoint TipTrajectory TrajectoryInterval",
+        energy_balance="energy_terms",
+        insertion_run="InsertionRun",
+        motion_schedule="TimeStep",
+        path_following="PathFollowing",
+        postprocess="StrainCheck validity",
+        response_in_time="DynamicResponse ViscoelasticResponse",
+        result="EnergyTerms Event Insertion LeftTissueError Outcome Rupture Seed Status",
+        simulation="Discretised Simulation Watch discretised",
+        state="State TipPhase displacements load loads",
+        sticking="STICK_CONDITION straight_contact",
+        time_stepping="TimeStepping",
+        tissue_response="ElasticResponse TissueResponse",
+    )

@@ -1,50 +1,83 @@
-"""Constitutive laws; a law is one frozen dataclass whose fields carry unit and range.
+"""Constitutive laws, and the library of tissues.
 
-Laws that few cases name are imported when first used.
+A law is one frozen dataclass whose fields carry unit and range; a case names it and its
+constants. Laws are linear today: isotropic, transversely isotropic, orthotropic, viscoelastic.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from needlefem.materials.base import Material, MaterialResponse
-from needlefem.materials.catalogue import LAWS, law_class
-from needlefem.materials.linear_elastic import Isotropic, LinearElastic
-from needlefem.materials.relaxation import Branch, branches_of
-from needlefem.materials.volumetric_split import (
-    VolumetricSplit,
-    plane_volumetric_split,
-    volumetric_split,
-)
+from needlefem._exports import lazy_exports
+
+# the module has the name of the function, which has to replace it here
+from needlefem.materials.volumetric_split import volumetric_split
 
 if TYPE_CHECKING:
     from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
+    from needlefem.materials.base import Material, MaterialResponse
+    from needlefem.materials.catalogue import LAWS, example, law_class, library, tissue_table
+    from needlefem.materials.linear_elastic import (
+        Isotropic,
+        LinearElastic,
+        MaxwellState,
+        local_axes,
+        turned,
+    )
+    from needlefem.materials.linearity import refuse_nonlinear
+    from needlefem.materials.relaxation import (
+        Branch,
+        HasBranches,
+        branches_of,
+        load_factor,
+        relaxation_factor,
+    )
     from needlefem.materials.viscoelastic import Viscoelastic
+    from needlefem.materials.voigt import tangent_matrix, tangent_tensor
+    from needlefem.materials.volumetric_split import (
+        HasCompliance,
+        VolumetricSplit,
+        plane_volumetric_split,
+    )
 
 __all__ = [
     "LAWS",
     "Branch",
+    "HasBranches",
+    "HasCompliance",
     "Isotropic",
     "LinearElastic",
     "Material",
     "MaterialResponse",
+    "MaxwellState",
     "Orthotropic",
     "TransverselyIsotropic",
     "Viscoelastic",
     "VolumetricSplit",
     "branches_of",
+    "example",
     "law_class",
+    "library",
+    "load_factor",
+    "local_axes",
     "plane_volumetric_split",
+    "refuse_nonlinear",
+    "relaxation_factor",
+    "tangent_matrix",
+    "tangent_tensor",
+    "tissue_table",
+    "turned",
     "volumetric_split",
 ]
 
-_HOMES = {
-    "Orthotropic": "anisotropic",
-    "TransverselyIsotropic": "anisotropic",
-    "Viscoelastic": "viscoelastic",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(f"needlefem.materials.{_HOMES[name]}"), name)
-    raise AttributeError(f"module 'needlefem.materials' has no attribute '{name}'")
+if not TYPE_CHECKING:
+    __getattr__, __dir__ = lazy_exports(
+        __name__,
+        anisotropic="Orthotropic TransverselyIsotropic",
+        base="Material MaterialResponse",
+        catalogue="LAWS example law_class library tissue_table",
+        linear_elastic="Isotropic LinearElastic MaxwellState local_axes turned",
+        linearity="refuse_nonlinear",
+        relaxation="Branch HasBranches branches_of load_factor relaxation_factor",
+        viscoelastic="Viscoelastic",
+        voigt="tangent_matrix tangent_tensor",
+        volumetric_split="HasCompliance VolumetricSplit plane_volumetric_split",
+    )

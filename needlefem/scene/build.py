@@ -15,9 +15,10 @@ from needlefem.mesh import generation
 from needlefem.mesh.cell_map import cell_measures
 from needlefem.mesh.conform import fit_to_contours
 from needlefem.mesh.file import read_mesh
-from needlefem.scene import BoxMesh, FileMesh, Scene
+from needlefem.scene.discretization import BoxMesh, FileMesh
 from needlefem.scene.limits import SPLIT, check_cells, check_mesh
 from needlefem.scene.resolve import resolve
+from needlefem.scene.schema import Scene
 
 AREA_LOST = 0.25
 """Share of a region's area by which fitted cells may differ: chords of a circle of 7 are less."""

@@ -10,7 +10,8 @@ import math
 
 from needlefem.elements import ElementType, element_row
 from needlefem.errors import CaseError
-from needlefem.scene import BoxMesh, Limits, Scene
+from needlefem.scene.discretization import BoxMesh, Limits
+from needlefem.scene.schema import Scene
 
 BYTES_PER_UNKNOWN = 7e3
 """Mesh, stiffness, its factor and the responses, for an unknown: measured 4 to 7 kB."""

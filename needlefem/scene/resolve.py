@@ -8,7 +8,9 @@ from needlefem._plugin import is_foreign
 from needlefem.elements import ElementType, element_row
 from needlefem.errors import CaseError
 from needlefem.materials import Material, branches_of, volumetric_split
-from needlefem.scene import DYNAMIC, BoxMesh, Discretisation, FileMesh, Motion, Scene, vary
+from needlefem.scene.discretization import DYNAMIC, BoxMesh, Discretisation, FileMesh
+from needlefem.scene.schema import Motion, Scene
+from needlefem.scene.varying import vary
 
 SLOW = 0.01
 """Speed of the needle over that of shear waves up to which inertia moves the seed by less than
