@@ -49,7 +49,7 @@ def thick(organ: Scene) -> Scene:
 @pytest.fixture
 def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make the tissue that is taken as exact a coarse one."""
-    monkeypatch.setattr(reference, "SQUARES", {"triangle": 12, "quadrilateral": 8})
+    monkeypatch.setattr(reference, "REFERENCE_SQUARES", {"triangle": 12, "quadrilateral": 8})
     monkeypatch.setattr(reference, "CORRIDOR", 0.5)
     monkeypatch.setattr(reference, "CONTOUR", 1.0)
     monkeypatch.setattr(reference, "PATH", 0.5)
