@@ -1,6 +1,7 @@
 """The machinery of the documentation's pages, and where the pages are."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -21,5 +22,7 @@ def site(name: str) -> ModuleType:
     """Return a module of ``docs/site``, which is no package."""
     spec = importlib.util.spec_from_file_location(f"site_{name}", DOCS / "site" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
+    if str(DOCS / "site") not in sys.path:
+        sys.path.append(str(DOCS / "site"))  # its modules import one another
     spec.loader.exec_module(module)
     return module

@@ -4,8 +4,9 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from needlefem.casefile.describe import describe
-from needlefem.cli.describe import describe_commands
+from commands_table import describe_commands
+from keys_table import describe
+
 from needlefem.materials.catalogue import describe_tissues
 
 DOCS = Path(__file__).parents[1]

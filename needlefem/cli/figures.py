@@ -21,11 +21,10 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys
 from needlefem.errors import CaseError
-from needlefem.io.records import origin, plan_record
+from needlefem.io.records import origin, plan_record, with_scanner
 from needlefem.io.result_folder import probe, write_json
 from needlefem.planning.result import PlanStatus
 from needlefem.plotting.images import renderer
-from needlefem.plotting.quantities import with_scanner
 from needlefem.scene import BoxMesh, Scene
 
 

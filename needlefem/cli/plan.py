@@ -17,11 +17,10 @@ from needlefem.cli.common import (
 )
 from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.io.expectations import expect_record, judged
-from needlefem.io.records import origin, plan_record
+from needlefem.io.records import origin, plan_record, scanner_lines, with_scanner
 from needlefem.io.result_folder import write_json
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Evidence, Plan, PlanStatus
-from needlefem.plotting.quantities import scanner_lines, with_scanner
 from needlefem.scene import Scene
 
 

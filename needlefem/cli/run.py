@@ -32,13 +32,14 @@ from needlefem.io.records import (
     insertion_record,
     origin,
     released_record,
+    scanner_lines,
     seed_record,
+    with_scanner,
 )
 from needlefem.io.result_folder import ResultFolder, write_json
 from needlefem.io.vtu import History, recorded_states
 from needlefem.needle.clearance import passings
 from needlefem.plotting.figures import draw_forces, draw_sticking
-from needlefem.plotting.quantities import scanner_lines, with_scanner
 from needlefem.plotting.render import write_snapshots
 from needlefem.scene import Scene
 from needlefem.scene.limits import check_count
