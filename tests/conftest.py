@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
-from needlefem.geometry.contour import Contour
-from needlefem.insertion.simulation import Simulation
+from needlefem import load_case
+from needlefem.geometry import Contour
+from needlefem.insertion import Simulation
 from needlefem.materials import Isotropic
 from needlefem.scene import (
     BoxMesh,

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from needlefem.casefile.contourfile import read_contour
-from needlefem.casefile.load import load_case, read_scene
+from needlefem import load_case
+from needlefem.casefile import read_contour, read_scene
 from needlefem.errors import CaseError
 from needlefem.scene import Scene, vary
 from tests.conftest import CASES, PAPER_CASE

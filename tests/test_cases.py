@@ -5,9 +5,8 @@ import runpy
 
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case, simulate
 from needlefem.cli.main import main
-from needlefem.insertion.simulation import simulate
 from tests.conftest import CASES
 
 ALL = sorted(CASES.glob("*/case.toml"))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case
 from needlefem.cli.experiments import benchmark, study
 from needlefem.cli.main import main, parser_of
 from tests.pages import PAGES, ROOT, WHOLE

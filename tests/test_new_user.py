@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case, load_result, simulate
 from needlefem.cli.main import main
-from needlefem.insertion.simulation import simulate
-from needlefem.io.saved_result import load_result
 from needlefem.scene import Scene, contour_sizes, vary
 from tests.conftest import CASES
 from tests.image import maps

@@ -26,10 +26,10 @@ from scipy.stats import qmc
 
 import needlefem as nf
 from needlefem.errors import NeedlefemError
-from needlefem.insertion.simulation import Simulation
-from needlefem.planning.planner import Planner
+from needlefem.insertion import Simulation
+from needlefem.planning import Planner
 from needlefem.scene import Scene
-from needlefem.studies.targets import draw_targets, target_table
+from needlefem.studies import draw_targets, target_table
 
 HERE = Path(__file__).parent
 GLAND_MODULUS = 60e3

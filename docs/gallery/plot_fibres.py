@@ -10,7 +10,7 @@ import numpy as np
 
 import needlefem as nf
 from needlefem.materials import TransverselyIsotropic
-from needlefem.plotting.render import RenderOptions
+from needlefem.plotting import RenderOptions
 from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Support, vary
 
 muscle = TransverselyIsotropic(

@@ -8,7 +8,7 @@ The script compares an insertion that assumes rigid tissue with a planned insert
 from pathlib import Path
 
 import needlefem as nf
-from needlefem.plotting.stages import draw_stages
+from needlefem.plotting import draw_stages
 
 scene = nf.load_case("../../cases/prostate-2003/case.toml")
 plan = nf.plan(scene)

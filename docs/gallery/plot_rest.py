@@ -10,7 +10,7 @@ from pathlib import Path
 
 import needlefem as nf
 from needlefem.materials import Isotropic
-from needlefem.plotting.figures import draw_forces, draw_sticking
+from needlefem.plotting import draw_forces, draw_sticking
 from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Stage, Support
 
 scene = Scene(

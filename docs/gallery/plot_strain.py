@@ -8,7 +8,7 @@ line of the needle.
 """
 
 import needlefem as nf
-from needlefem.plotting.render import RenderOptions
+from needlefem.plotting import RenderOptions
 
 scene = nf.load_case("../../cases/prostate-2003/case.toml")
 insertion = nf.simulate(scene)

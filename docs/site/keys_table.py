@@ -4,7 +4,7 @@ import dataclasses
 import typing
 from typing import Any
 
-from needlefem.geometry.image_frame import ImageFrame, Voxels
+from needlefem.geometry import ImageFrame, Voxels
 from needlefem.materials import LAWS
 from needlefem.scene import (
     BoxMesh,

@@ -7,12 +7,9 @@ from needlefem.alterovitz2003.node_chain import LEAST_AREA
 from needlefem.alterovitz2003.simulation import ConformingInsertion
 from needlefem.dynamics import Damping, Newmark, TissueSystem
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.interpolation import LinearFunctionals
-from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.cut_path import TipTrajectory as CutPath
-from needlefem.insertion.result import Status
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase
+from needlefem.fem import LinearFunctionals, TissueModel
+from needlefem.insertion import Simulation, Status, TipPhase
+from needlefem.insertion import TipTrajectory as CutPath
 from needlefem.scene import Scene, vary
 
 CALM = Newmark(beta=0.3025, gamma=0.6)

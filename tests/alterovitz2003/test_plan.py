@@ -4,9 +4,8 @@ import pytest
 from needlefem.alterovitz2003.plan import drift, own_plan, paper_plan, refined, unplanned
 from needlefem.alterovitz2003.simulation import InTime, NodeSimulation
 from needlefem.errors import CaseError
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.result import Status
-from needlefem.planning.result import PlanStatus
+from needlefem.insertion import Status, TipTrajectory
+from needlefem.planning import PlanStatus
 from needlefem.scene import Scene, vary
 
 

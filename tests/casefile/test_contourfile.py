@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.contourfile import read_contour
+from needlefem.casefile import read_contour
 from needlefem.cli.main import main
 from needlefem.errors import CaseError
 

@@ -6,13 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from needlefem import load_case
 from needlefem._toml import assignment, comment, dotted_key, key_of, key_parts, quoted
-from needlefem.casefile.load import load_case
 from needlefem.cli.main import main
 from needlefem.errors import CaseError
 from needlefem.newcase.draft import RESERVED, file_names, region_names
-from needlefem.scene import field_of, vary
-from needlefem.scene.build import build_mesh
+from needlefem.scene import build_mesh, field_of, vary
 from tests.newcase.test_new_cases import answered
 
 ODD = [
@@ -154,7 +153,7 @@ def test_contour_files_with_any_name(tmp_path: Path) -> None:
 
 
 def test_a_region_called_background_is_refused_in_a_case(gel: object) -> None:
-    from needlefem.geometry.contour import Contour
+    from needlefem.geometry import Contour
     from needlefem.scene import Region
 
     square = Contour(np.array([[0.02, 0.02], [0.04, 0.02], [0.04, 0.04], [0.02, 0.04]]))

@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementVector
 
+from needlefem import build_model
+from needlefem.checks import eigenfrequencies
 from needlefem.checks import mesh_checks as tissue
-from needlefem.checks.models import eigenfrequencies
 from needlefem.elements import CATALOGUE
+from needlefem.fem import TissueModel
 from needlefem.fem.forms import stiffness
-from needlefem.fem.tissue_model import TissueModel
-from needlefem.geometry.contour import Contour
-from needlefem.scene import Scene, vary
-from needlefem.scene.build import build_mesh, build_model
-from needlefem.scene.resolve import with_element
+from needlefem.geometry import Contour
+from needlefem.scene import Scene, build_mesh, vary, with_element
 
 
 @pytest.fixture(params=CATALOGUE)

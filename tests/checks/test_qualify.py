@@ -2,8 +2,7 @@ import json
 
 import pytest
 
-from needlefem.checks.element_checks import inf_sup
-from needlefem.checks.qualify import check_element_material, failures
+from needlefem.checks import check_element_material, failures, inf_sup
 from needlefem.cli.main import main
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic, Orthotropic, TransverselyIsotropic

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from needlefem.checks.work_precision import Point, front, same_cells, seconds_to
-from needlefem.scene.resolve import cheapest
+from needlefem.checks import Point, front, same_cells, seconds_to
+from needlefem.scene import cheapest
 from verification.benchmarks.races import table_of
 
 PROBLEM = """

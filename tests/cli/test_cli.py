@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case
 from needlefem.cli.ignored import unused_keys
 from needlefem.cli.main import main
 from needlefem.io.expectations import KEYS, LIST, TABLE, VALUE

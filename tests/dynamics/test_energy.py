@@ -9,17 +9,17 @@ from scipy.integrate import solve_ivp
 from needlefem._arrays import Floats
 from needlefem.dynamics import (
     HHT,
+    AlphaParameters,
     CentralDifference,
     GeneralizedAlpha,
     Integrator,
     MatrixSystem,
+    MaxwellUpdate,
     Newmark,
     QuasiStatic,
     TissueEnergyBalance,
 )
 from needlefem.dynamics import energy as module
-from needlefem.dynamics.steppers import AlphaParameters
-from needlefem.dynamics.system import MaxwellUpdate
 
 MASS = np.array([[2.0, 0.3], [0.3, 1.0]])
 STIFFNESS = np.array([[5.0, -2.0], [-2.0, 3.0]])

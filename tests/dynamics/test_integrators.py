@@ -3,8 +3,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from needlefem.checks.integrator_checks import Oscillator, spectral_radius, stability_limit
-from needlefem.checks.models import rectangle
+from needlefem.checks import Oscillator, rectangle, spectral_radius, stability_limit
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -17,10 +16,16 @@ from needlefem.dynamics import (
     TissueEnergyBalance,
     TissueSystem,
     at_rest,
+    constant,
     critical_step,
     integrator_class,
+    iterate,
+    last,
+    ramp,
+    switched,
+    table,
+    together,
 )
-from needlefem.dynamics.steppers import constant, iterate, last, ramp, switched, table, together
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic

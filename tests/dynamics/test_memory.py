@@ -3,14 +3,19 @@ import dataclasses
 import numpy as np
 import pytest
 
-from needlefem.checks.models import rectangle
-from needlefem.dynamics import Newmark, QuasiStatic, TissueSystem
-from needlefem.dynamics.steppers import constant, iterate, last
+from needlefem.checks import rectangle
+from needlefem.dynamics import Newmark, QuasiStatic, TissueSystem, constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
-from needlefem.insertion.simulation import Simulation
-from needlefem.materials import Branch, Isotropic, Viscoelastic, branches_of
-from needlefem.materials.relaxation import load_factor, relaxation_factor
+from needlefem.insertion import Simulation
+from needlefem.materials import (
+    Branch,
+    Isotropic,
+    Viscoelastic,
+    branches_of,
+    load_factor,
+    relaxation_factor,
+)
 from needlefem.scene import Scene, vary
 
 LAW = Viscoelastic(youngs_modulus=3.0, poissons_ratio=0.3, density=1.0, shares=(0.4,), times=(2.0,))

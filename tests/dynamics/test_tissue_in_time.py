@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from needlefem.checks.integrator_checks import energy_drift
+from needlefem import build_model
+from needlefem.checks import energy_drift
 from needlefem.dynamics import Damping, Newmark, TissueSystem, kinetic_energy
 from needlefem.errors import CaseError
 from needlefem.scene import Scene, vary
-from needlefem.scene.build import build_model
 
 CALM = Newmark(beta=0.3025, gamma=0.6)
 

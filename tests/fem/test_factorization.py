@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 
-from needlefem.fem.factorization import SuperLUFactor
+from needlefem.fem import SuperLUFactor
 
 
 def test_entries_are_those_of_both_factors() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skfem import Basis, ElementVector
 
-from needlefem.checks.models import square_mesh
+from needlefem.checks import square_mesh
 from needlefem.elements import CATALOGUE
 from needlefem.fem.forms import stiffness
 

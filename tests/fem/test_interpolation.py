@@ -2,12 +2,10 @@ import numpy as np
 import pytest
 from skfem import Basis, MeshQuad
 
-from needlefem.checks.models import square_mesh
-from needlefem.elements import CATALOGUE, ElementType
-from needlefem.elements.shape_functions import ShapeTable
-from needlefem.fem.interpolation import Interpolation, OutsideError
-from needlefem.mesh.cell_map import BilinearMap, Locator
-from needlefem.mesh.generation import box, into_quadrilaterals, near_segment, refine
+from needlefem.checks import square_mesh
+from needlefem.elements import CATALOGUE, ElementType, ShapeTable
+from needlefem.fem import Interpolation, OutsideError
+from needlefem.mesh import BilinearMap, Locator, box, into_quadrilaterals, near_segment, refine
 
 
 @pytest.fixture(params=CATALOGUE.values(), ids=CATALOGUE)

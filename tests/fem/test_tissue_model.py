@@ -2,27 +2,29 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 
+from needlefem import build_model
 from needlefem.elements import CATALOGUE, element_row
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.compliance import (
+from needlefem.fem import (
     CachedCompliance,
     CondensedCorridor,
     Corridor,
     DirectCompliance,
+    GroupedFactor,
     InverseColumnsOnDemand,
+    SuperLUFactor,
+    cholmod,
+    factorise,
 )
-from needlefem.fem.factorization import GroupedFactor, SuperLUFactor, cholmod, factorise
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Simulation
 from needlefem.materials import Isotropic
-from needlefem.scene import Scene, Support, vary
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import with_element
+from needlefem.scene import Scene, Support, vary, with_element
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_uniaxial_strain_of_two_layers(gel: Scene, name: str) -> None:
     """A pressed stack: displacement is stress times the sum of length over modulus."""
-    from needlefem.geometry.contour import Contour
+    from needlefem.geometry import Contour
     from needlefem.scene import Region
 
     half = Contour(np.array([[0.0, 0.0], [0.06, 0.0], [0.06, 0.03], [0.0, 0.03]]))

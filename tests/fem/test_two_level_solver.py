@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
 
+from needlefem import build_model
+from needlefem.fem import TissueModel, TwoLevelSolver
 from needlefem.fem import two_level_solver as nested
-from needlefem.fem.tissue_model import TissueModel
-from needlefem.fem.two_level_solver import TwoLevelSolver
-from needlefem.mesh.conform import uniformly_refined
-from needlefem.scene import Scene, vary
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import resolve
+from needlefem.mesh import uniformly_refined
+from needlefem.scene import Scene, resolve, vary
 
 
 @pytest.fixture(params=["P1 to P2", "P2 halved", "Q1-Bbar halved"])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
-from needlefem.geometry.contour import Contour
+from needlefem.geometry import Contour
 
 SQUARE = Contour(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]]))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
-from needlefem.image.labelmap import read_labelmap
+from needlefem.image import read_labelmap
 from tests.image.test_headers import LABELS, meta, nifti, nrrd
 
 WORDS = [b"nan", b"inf", b"1e300", b"-1", b"0", b"", b"\0", b"1_000", b"99999999999999999999", b"x"]

@@ -12,7 +12,7 @@ import pytest
 import SimpleITK
 
 from needlefem.errors import CaseError
-from needlefem.image.labelmap import LabelMap, Segment, read_labelmap
+from needlefem.image import LabelMap, Segment, read_labelmap
 from needlefem.image.nifti import LAYOUT
 from tests.image import maps
 

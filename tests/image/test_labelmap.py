@@ -6,7 +6,7 @@ import pytest
 import SimpleITK
 
 from needlefem.errors import CaseError
-from needlefem.image.labelmap import Segment, read_labelmap
+from needlefem.image import Segment, read_labelmap
 from needlefem.newcase.from_label_map import needle_plane, outlines
 from tests.image import maps
 

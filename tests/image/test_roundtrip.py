@@ -6,13 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case, load_result, plan
 from needlefem.cli.main import main
-from needlefem.geometry.contour import Contour
-from needlefem.io.saved_result import load_result
-from needlefem.planning.plan import plan
-from needlefem.scene import vary
-from needlefem.scene.build import build_mesh
+from needlefem.geometry import Contour
+from needlefem.scene import build_mesh, vary
 from tests.image import maps
 
 HALF_A_VOXEL = 0.5 * maps.SPACING.min()

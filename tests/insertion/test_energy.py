@@ -5,11 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.path_following import PathFollowing
-from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase
+from needlefem.insertion import Insertion, PathFollowing, Simulation, Status, TipPhase, energy_terms
 from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.scene import Scene, Stage, vary
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Simulation
 from needlefem.insertion.tip_solver import WarmStart
 from needlefem.scene import Scene
 

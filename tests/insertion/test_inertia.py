@@ -6,20 +6,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from needlefem.contact.friction import SlipWeakeningFriction
-from needlefem.dynamics import Damping, GeneralizedAlpha, Newmark, TissueSystem
-from needlefem.dynamics.steppers import AlphaParameters
+from needlefem import build_model
+from needlefem.contact import SlipWeakeningFriction
+from needlefem.dynamics import AlphaParameters, Damping, GeneralizedAlpha, Newmark, TissueSystem
 from needlefem.errors import CaseError
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.motion_schedule import TimeStep
-from needlefem.insertion.response_in_time import DynamicResponse, bound_radius, damping_of
-from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase
-from needlefem.insertion.time_stepping import TimeStepping
+from needlefem.insertion import (
+    DynamicResponse,
+    Insertion,
+    Simulation,
+    Status,
+    TimeStep,
+    TimeStepping,
+    TipPhase,
+    energy_terms,
+)
+from needlefem.insertion.response_in_time import bound_radius, damping_of
 from needlefem.materials import Viscoelastic
 from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
-from needlefem.scene.build import build_model
 
 SOME = Rayleigh(mass_rate=5.0, stiffness_time=2e-3)
 BOTH = pytest.mark.parametrize("integrator", DYNAMIC)

@@ -12,12 +12,10 @@ import pytest
 
 import needlefem as nf
 from needlefem.elements import CATALOGUE
-from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.simulation import Simulation
+from needlefem.fem import TissueModel
+from needlefem.insertion import Simulation, energy_terms
 from needlefem.materials import Viscoelastic
-from needlefem.scene import DYNAMIC, Scene, Stage, vary
-from needlefem.scene.resolve import with_element
+from needlefem.scene import DYNAMIC, Scene, Stage, vary, with_element
 
 STAGES = (Stage(to=0.01), Stage(hold=0.1), Stage(to=0.004), Stage(to=0.012), Stage(to=0.0))
 

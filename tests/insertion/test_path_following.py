@@ -4,13 +4,17 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from needlefem.fem.compliance import CachedCompliance, DirectCompliance
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.postprocess import validity
-from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import displacements
+from needlefem import simulate
+from needlefem.fem import CachedCompliance, DirectCompliance
+from needlefem.insertion import (
+    Insertion,
+    Simulation,
+    Status,
+    TipTrajectory,
+    displacements,
+    energy_terms,
+    validity,
+)
 from needlefem.insertion.tip_solver import TipSolver, not_found, smallest_turning
 from needlefem.scene import Scene, Support, vary
 
@@ -172,7 +176,7 @@ def test_snap_ends_where_the_branch_at_cutting_force_comes_back(popping: Scene) 
     entry = simulation.entry_of_case()
     insertion = simulation.insert(entry)
     snap = insertion.snaps[0]
-    from needlefem.insertion.path_following import PathFollowing
+    from needlefem.insertion import PathFollowing
 
     march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
     for _ in march._puncture():
@@ -195,7 +199,7 @@ def test_a_snap_begins_at_the_largest_depth(popping: Scene) -> None:
     simulation = Simulation(popping)
     entry = simulation.entry_of_case()
     snap = simulation.insert(entry).snaps[0]
-    from needlefem.insertion.path_following import PathFollowing
+    from needlefem.insertion import PathFollowing
 
     march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
     list(itertools.islice(march.iterate(), snap.first))
@@ -225,7 +229,7 @@ def test_material_jumped_over_is_never_reached(popping: Scene, insert: Push) -> 
 
 def test_shaft_point_that_sticks_ends_the_march(gel: Scene) -> None:
     simulation = Simulation(gel)
-    from needlefem.insertion.path_following import PathFollowing
+    from needlefem.insertion import PathFollowing
 
     march = PathFollowing(
         simulation.instrument(simulation.entry_of_case()), simulation.responses, 0.03

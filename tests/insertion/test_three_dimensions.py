@@ -4,23 +4,13 @@ import numpy as np
 import pytest
 import skfem
 
-from needlefem.checks.mesh_checks import preflight
-from needlefem.elements import ElementType
-from needlefem.elements.shape_functions import simplex
-from needlefem.fem.compliance import CachedCompliance
-from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.path_following import PathFollowing
-from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.state import displacements
+from needlefem.checks import preflight
+from needlefem.elements import ElementType, simplex
+from needlefem.fem import CachedCompliance, TissueModel
+from needlefem.insertion import Insertion, PathFollowing, Status, displacements, energy_terms
 from needlefem.materials import Isotropic
-from needlefem.mesh.generation import BACKGROUND
-from needlefem.needle.needle_interface import (
-    InsertionAxis,
-    NeedleInterface,
-    TipKernel,
-    cross_section,
-)
+from needlefem.mesh import BACKGROUND
+from needlefem.needle import InsertionAxis, NeedleInterface, TipKernel, cross_section
 from needlefem.scene import Scene, Support, vary
 from verification.support.embedded_shaft import EmbeddedShaft
 

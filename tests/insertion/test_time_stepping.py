@@ -5,12 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from needlefem import simulate
 from needlefem.errors import CaseError
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.result import Insertion, Status
-from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import TipPhase, displacements
-from needlefem.insertion.sticking import STICK_CONDITION
+from needlefem.insertion import (
+    STICK_CONDITION,
+    Insertion,
+    Simulation,
+    Status,
+    TipPhase,
+    displacements,
+    energy_terms,
+)
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Scene, Stage, vary
 

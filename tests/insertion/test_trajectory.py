@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.cut_path import TrajectoryInterval
+from needlefem.insertion import TrajectoryInterval
 
 
 def curve(n: int = 12) -> TrajectoryInterval:

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from needlefem.errors import SimulationError
-from needlefem.fem.interpolation import LinearFunctionals
-from needlefem.insertion.postprocess import validity
-from needlefem.insertion.response_in_time import DynamicResponse, ViscoelasticResponse
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import displacements, load
+from needlefem.fem import LinearFunctionals
+from needlefem.insertion import (
+    DynamicResponse,
+    Insertion,
+    Simulation,
+    ViscoelasticResponse,
+    displacements,
+    load,
+    validity,
+)
 from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.scene import Scene, vary
 

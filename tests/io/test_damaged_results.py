@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import needlefem as nf
-from needlefem.casefile.load import read_again
+from needlefem.casefile import read_again
 from needlefem.cli.main import main
 from needlefem.cli.render import replay
 from needlefem.errors import CaseError, NeedlefemError

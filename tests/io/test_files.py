@@ -4,10 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem._table import Table
-from needlefem.io.expectations import compare, look_up
-from needlefem.io.result_folder import to_json, whole_file, write_json
+from needlefem.io import compare, look_up, to_json, whole_file, write_json
 from needlefem.scene import Expectation
+from needlefem.studies import Table
 
 
 def test_json_is_plain() -> None:

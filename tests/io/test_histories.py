@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from needlefem.insertion.simulation import Simulation
-from needlefem.io.vtu import History, recorded_states
+from needlefem.insertion import Simulation
+from needlefem.io import History, recorded_states
 from needlefem.scene import Scene, Stage, vary
 
 STAGES = (Stage(to=0.012), Stage(hold=1.0, release="seed"), Stage(to=-1e-3))

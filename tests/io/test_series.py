@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from needlefem.checks.models import rectangle
+from needlefem.checks import rectangle
 from needlefem.dynamics import (
     CentralDifference,
     Integrator,
@@ -15,11 +15,13 @@ from needlefem.dynamics import (
     Newmark,
     QuasiStatic,
     TissueSystem,
+    constant,
+    iterate,
+    last,
 )
-from needlefem.dynamics.steppers import constant, iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.errors import SimulationError
-from needlefem.io.vtu import Recording, recorded
+from needlefem.io import Recording, recorded
 from needlefem.materials import Isotropic, Viscoelastic
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)

@@ -9,12 +9,17 @@ import pytest
 from needlefem.dynamics import NAMES
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
-from needlefem.insertion.simulation import Simulation
-from needlefem.materials import LAWS, Isotropic, MaterialResponse, law_class, volumetric_split
-from needlefem.materials.catalogue import example
-from needlefem.materials.linearity import refuse_nonlinear
-from needlefem.scene import Discretisation, Scene, vary
-from needlefem.scene.resolve import with_element
+from needlefem.insertion import Simulation
+from needlefem.materials import (
+    LAWS,
+    Isotropic,
+    MaterialResponse,
+    example,
+    law_class,
+    refuse_nonlinear,
+    volumetric_split,
+)
+from needlefem.scene import Discretisation, Scene, vary, with_element
 
 RUNNING = ("quasi-static", "newmark", "generalised-alpha")
 

@@ -3,19 +3,20 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from needlefem.checks.material_checks import check_law
+from needlefem.checks import check_law
 from needlefem.errors import CaseError
 from needlefem.materials import (
     Isotropic,
     LinearElastic,
     Orthotropic,
     TransverselyIsotropic,
+    example,
     law_class,
     plane_volumetric_split,
+    tangent_matrix,
+    tangent_tensor,
     volumetric_split,
 )
-from needlefem.materials.catalogue import example
-from needlefem.materials.voigt import tangent_matrix, tangent_tensor
 
 FIBRE = {
     "modulus_along": 9e3,

@@ -2,8 +2,7 @@ import pytest
 
 from needlefem.casefile.reader import CaseReader
 from needlefem.errors import CaseError
-from needlefem.materials import Material, volumetric_split
-from needlefem.materials.catalogue import library, tissue_table
+from needlefem.materials import Material, library, tissue_table, volumetric_split
 
 
 @pytest.mark.parametrize("name", library())

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
-from needlefem.mesh.file import read_plane_mesh
+from needlefem.mesh import read_plane_mesh
 from needlefem.stress.damage import damage
 
 GMSH = Path(__file__).parent / "gmsh"

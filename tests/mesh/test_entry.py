@@ -3,8 +3,7 @@ import pytest
 from skfem import MeshTet
 
 from needlefem.errors import CaseError
-from needlefem.mesh.generation import box
-from needlefem.mesh.surface import check_entry, entry_along, entry_at
+from needlefem.mesh import box, check_entry, entry_along, entry_at
 
 
 def test_first_crossing_of_a_straight_line() -> None:

@@ -6,13 +6,11 @@ import meshio
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case, simulate
 from needlefem.errors import CaseError
-from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.mesh.file import read_mesh
-from needlefem.mesh.generation import box
-from needlefem.scene import BoxMesh, FileMesh, vary
-from needlefem.scene.build import build_mesh
+from needlefem.insertion import Simulation
+from needlefem.mesh import box, read_mesh
+from needlefem.scene import BoxMesh, FileMesh, build_mesh, vary
 
 CASE = """
 schema_version = 1

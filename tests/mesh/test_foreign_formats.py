@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
+from needlefem.mesh import box, read_plane_mesh
 from needlefem.mesh import foreign_formats as foreignmesh
-from needlefem.mesh.file import read_plane_mesh
-from needlefem.mesh.generation import box
 
 MESH = box((0.0, 0.0), (4.0, 4.0), (4, 4))
 ORGAN = np.flatnonzero(MESH.p[:, MESH.t].mean(axis=1)[0] < 2.0)

@@ -2,11 +2,9 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
-from needlefem.geometry.contour import Contour
+from needlefem.geometry import Contour
 from needlefem.materials import Isotropic
-from needlefem.mesh import generation
-from needlefem.mesh.cell_map import cell_measures
-from needlefem.mesh.conform import fit_to_contour, fit_to_contours
+from needlefem.mesh import cell_measures, fit_to_contour, fit_to_contours, generation
 from needlefem.scene import (
     BoxMesh,
     Motion,
@@ -15,9 +13,9 @@ from needlefem.scene import (
     Region,
     Scene,
     Support,
+    build_mesh,
     vary,
 )
-from needlefem.scene.build import build_mesh
 
 
 def disc(radius: float = 0.3) -> Contour:

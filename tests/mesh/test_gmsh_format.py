@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from needlefem.errors import CaseError
-from needlefem.mesh.cell_map import cell_measures
-from needlefem.mesh.file import PlaneMesh, read_mesh, read_plane_mesh
+from needlefem.mesh import PlaneMesh, cell_measures, read_mesh, read_plane_mesh
 
 HERE = Path(__file__).parent / "gmsh"
 VERSIONS = [

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from skfem import MeshQuad, MeshTet, MeshTri
 
-from needlefem.checks.mesh_checks import preflight
+from needlefem.checks import preflight
 from needlefem.elements import element_row
 from needlefem.errors import CaseError
-from needlefem.fem.tissue_model import TissueModel
+from needlefem.fem import TissueModel
 from needlefem.materials import Isotropic
-from needlefem.mesh.generation import BACKGROUND, box, name_faces, name_regions
-from needlefem.mesh.soundness import refuse_unsound
+from needlefem.mesh import BACKGROUND, box, name_faces, name_regions, refuse_unsound
 from needlefem.scene import Support
 
 

@@ -3,10 +3,8 @@ import pytest
 from skfem import MeshTet, MeshTri
 
 from needlefem.elements import element_row
-from needlefem.fem.function_space import FunctionSpace
-from needlefem.fem.interpolation import Interpolation
-from needlefem.mesh.generation import box
-from needlefem.mesh.surface import Surface, TipWatch
+from needlefem.fem import FunctionSpace, Interpolation
+from needlefem.mesh import Surface, TipWatch, box
 
 
 def surface_of(mesh: MeshTri) -> Surface:

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from needlefem.geometry.contour import Contour
-from needlefem.needle.clearance import blocked, distance, gaps, merged
-from needlefem.needle.needle_interface import InsertionAxis
+from needlefem.geometry import Contour
+from needlefem.needle import InsertionAxis, blocked, distance, gaps, merged
 
 DOWN = InsertionAxis(np.array([0.0, 0.0]), np.array([0.0, 1.0]))
 BOX = Contour(np.array([[0.01, 0.02], [0.03, 0.02], [0.03, 0.04], [0.01, 0.04]]))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.simulation import Simulation
-from needlefem.needle.needle_interface import NeedleInterface
+from needlefem.insertion import Simulation
+from needlefem.needle import NeedleInterface
 from needlefem.scene import Scene, vary
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.needle.needle_interface import InsertionAxis, PointKernel, TipKernel, cross_section
+from needlefem.needle import InsertionAxis, PointKernel, TipKernel, cross_section
 
 INWARD = np.array([0.0, 1.0])
 SKIN = np.array([0.2, 0.0])

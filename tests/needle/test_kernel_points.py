@@ -1,13 +1,11 @@
 import numpy as np
 import pytest
 
+from needlefem import build_model
 from needlefem.elements import element_row
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.conform import uniformly_refined
-from needlefem.scene import Scene, vary
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import kernel_points, resolve, with_element
+from needlefem.insertion import Simulation, TipTrajectory
+from needlefem.mesh import uniformly_refined
+from needlefem.scene import Scene, kernel_points, resolve, vary, with_element
 
 EXACT = 6400
 """Kernel points beyond which nothing changes that is asked for here."""

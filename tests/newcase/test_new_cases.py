@@ -5,15 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case
 from needlefem.cli.main import main
 from needlefem.errors import CaseError
-from needlefem.geometry.contour import Contour
-from needlefem.mesh.cell_map import cell_measures
-from needlefem.mesh.generation import box, name_faces
+from needlefem.geometry import Contour
+from needlefem.mesh import box, cell_measures, name_faces
 from needlefem.newcase import box as boxes
-from needlefem.scene import BoxMesh, FileMesh
-from needlefem.scene.build import build_mesh
+from needlefem.scene import BoxMesh, FileMesh, build_mesh
 from tests.image import maps
 from tests.mesh.test_file import write as write_mesh
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import build_model, load_case
 from needlefem.cli.main import main
-from needlefem.insertion.simulation import Simulation
-from needlefem.scene import vary
-from needlefem.scene.build import build_mesh, build_model
+from needlefem.insertion import Simulation
+from needlefem.scene import build_mesh, vary
 from tests.conftest import ROOT
 
 GMSH = ROOT / "tests" / "mesh" / "gmsh"

@@ -5,13 +5,12 @@ import sys
 
 import numpy as np
 
+from needlefem import load_case, plan
 from needlefem.alterovitz2003.plan import paper_plan, refined
 from needlefem.alterovitz2003.simulation import InTime, NodeSimulation
-from needlefem.casefile.load import load_case
-from needlefem.geometry.contour import Contour
+from needlefem.geometry import Contour
 from needlefem.materials import Isotropic
-from needlefem.planning.plan import plan
-from needlefem.planning.result import Plan
+from needlefem.planning import Plan
 from needlefem.scene import (
     BoxMesh,
     Discretisation,

@@ -3,27 +3,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.bench.accuracy import Entrant, race, sizes, steps
-from needlefem.casefile.load import load_case
+from needlefem import load_case, plan
+from needlefem.bench import Entrant, race
+from needlefem.bench.accuracy import sizes, steps
 from needlefem.errors import CaseError
-from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.conform import uniformly_refined
-from needlefem.mesh.generation import signed_measures
-from needlefem.planning import adaptive as reference
-from needlefem.planning.adaptive import MeshSizes, ReferenceSolution, placed_on
-from needlefem.planning.error_estimate import (
-    HALVED,
+from needlefem.insertion import Simulation
+from needlefem.mesh import signed_measures, uniformly_refined
+from needlefem.planning import (
+    MeshSizes,
+    Planner,
+    PlanStatus,
+    ReferenceSolution,
     displacement_on,
     estimate,
     finer_tissue,
     path_error,
+    placed_on,
 )
-from needlefem.planning.plan import plan
-from needlefem.planning.planner import Planner
-from needlefem.planning.result import PlanStatus
-from needlefem.scene import FileMesh, Scene, Stage, TargetDraw, vary
-from needlefem.scene.build import build_mesh
-from needlefem.scene.resolve import resolve
+from needlefem.planning import adaptive as reference
+from needlefem.planning.error_estimate import HALVED
+from needlefem.scene import FileMesh, Scene, Stage, TargetDraw, build_mesh, resolve, vary
 from needlefem.studies.accuracy import requests
 
 

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
+from needlefem import plan
 from needlefem.errors import CaseError
-from needlefem.geometry.contour import Contour
-from needlefem.insertion.simulation import Simulation
-from needlefem.needle.clearance import distance
-from needlefem.needle.needle_interface import InsertionAxis
-from needlefem.planning.plan import plan
-from needlefem.planning.planner import Planner
-from needlefem.planning.result import Plan, PlanStatus
+from needlefem.geometry import Contour
+from needlefem.insertion import Simulation
+from needlefem.needle import InsertionAxis, distance
+from needlefem.planning import Plan, Planner, PlanStatus
 from needlefem.scene import Obstacle, Region, Scene, Support, vary
 
 

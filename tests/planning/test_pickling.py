@@ -13,13 +13,9 @@ from PIL import Image
 import needlefem as nf
 from needlefem.alterovitz2003.plan import paper_plan
 from needlefem.errors import CaseError
-from needlefem.insertion.cut_path import TipTrajectory as CutPath
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.postprocess import validity
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
-from needlefem.planning.planner import Planner
-from needlefem.planning.result import Plan
+from needlefem.insertion import Insertion, Simulation, energy_terms, validity
+from needlefem.insertion import TipTrajectory as CutPath
+from needlefem.planning import Plan, Planner
 from needlefem.scene import Scene, Stage, vary
 from tests.conftest import ROOT
 

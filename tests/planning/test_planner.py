@@ -3,12 +3,11 @@ import re
 import numpy as np
 import pytest
 
+from needlefem import plan
 from needlefem.errors import CaseError, CheckFailedError
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Simulation
 from needlefem.materials import Viscoelastic
-from needlefem.planning.plan import plan
-from needlefem.planning.planner import Planner, carry_out
-from needlefem.planning.result import PlanStatus
+from needlefem.planning import Planner, PlanStatus, carry_out
 from needlefem.scene import Scene, vary
 
 

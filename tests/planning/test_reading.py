@@ -6,17 +6,20 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case, plan
 from needlefem.errors import SimulationError
-from needlefem.insertion.result import Insertion, Outcome, Status
-from needlefem.insertion.simulation import Simulation
-from needlefem.io.records import plan_record
-from needlefem.planning.plan import plan
-from needlefem.planning.planner import Planner, carry_out
-from needlefem.planning.reading import InsertionReader, Why, at_jump
-from needlefem.planning.result import Headline, PlanStatus
-from needlefem.scene import Scene, TargetDraw, vary
-from needlefem.scene.build import build_mesh
+from needlefem.insertion import Insertion, Outcome, Simulation, Status
+from needlefem.io import plan_record
+from needlefem.planning import (
+    Headline,
+    InsertionReader,
+    Planner,
+    PlanStatus,
+    Why,
+    at_jump,
+    carry_out,
+)
+from needlefem.scene import Scene, TargetDraw, build_mesh, vary
 from needlefem.studies import robust, targets
 from tests.conftest import ROOT
 

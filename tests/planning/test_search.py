@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from needlefem.planning.search import SearchStatus, golden_section, grid, sign_changes, signed_root
+from needlefem.planning import SearchStatus, golden_section, grid, sign_changes, signed_root
 
 RANGE = (-2.0, 2.0)
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import simulate
+from needlefem import simulate
+from needlefem.insertion import Insertion
 from needlefem.scene import Scene, Stage, vary
 
 _KNOWN: dict[str, Insertion] = {}

@@ -12,24 +12,24 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from needlefem import plan, render
 from needlefem.alterovitz2003.figures import draw_moved_target, draw_turning
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
-from needlefem.planning.plan import plan
-from needlefem.planning.result import Plan
-from needlefem.plotting.figures import (
+from needlefem.insertion import Insertion, Simulation
+from needlefem.planning import Plan
+from needlefem.plotting import (
+    RenderOptions,
     draw_depth,
     draw_forces,
     draw_height,
     draw_setup,
+    draw_stages,
     draw_sticking,
-    planner_of,
+    html_of,
+    panels,
+    png_of,
 )
-from needlefem.plotting.notebook import html_of, png_of
-from needlefem.plotting.render import RenderOptions, panels, render
-from needlefem.plotting.stages import draw_stages
-from needlefem.scene import Scene, vary
-from needlefem.scene.resolve import with_element
+from needlefem.plotting.figures import planner_of
+from needlefem.scene import Scene, vary, with_element
 from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401
 
 KEPT = Path(__file__).parents[1] / "pictures"

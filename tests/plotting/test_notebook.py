@@ -7,14 +7,13 @@ from typing import Any
 
 import pytest
 
-from needlefem import _register_formatters
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import simulate
-from needlefem.io.saved_result import SavedResult
-from needlefem.planning.plan import plan
-from needlefem.planning.result import Plan
+from needlefem import _register_formatters, plan, simulate
+from needlefem.insertion import Insertion
+from needlefem.io import SavedResult
+from needlefem.planning import Plan
+from needlefem.plotting import html_of, png_of
 from needlefem.plotting import images as backend
-from needlefem.plotting.notebook import SIZE, html_of, png_of
+from needlefem.plotting.notebook import SIZE
 from needlefem.scene import Scene, vary
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from needlefem import render, simulate
 from needlefem.errors import NoRendererError
-from needlefem.insertion.simulation import simulate
+from needlefem.plotting import RenderOptions
 from needlefem.plotting import images as backend
-from needlefem.plotting.render import RenderOptions, render
 from needlefem.scene import Scene
 
 

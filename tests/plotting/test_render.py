@@ -11,26 +11,32 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from needlefem import build_model, render, simulate
 from needlefem.alterovitz2003.figures import turned
 from needlefem.cli.main import main
 from needlefem.cli.render import replay
 from needlefem.errors import CaseError, NoRendererError
-from needlefem.fem.recovery import CellFields
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import simulate
-from needlefem.insertion.state import displacements, loads
-from needlefem.materials.viscoelastic import Viscoelastic
-from needlefem.plotting import images
-from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.images import Style, renderer
-from needlefem.plotting.panel import synthetic_ultrasound
-from needlefem.plotting.quantities import QUANTITIES, scale_of
-from needlefem.plotting.render import Renderer, RenderOptions, animate, panels, render
-from needlefem.plotting.timeline import Timeline
-from needlefem.plotting.view import SurfaceMesh, View, whole
-from needlefem.scene import Scene, Stage, vary
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import with_element
+from needlefem.fem import CellFields
+from needlefem.insertion import Insertion, displacements, loads
+from needlefem.materials import Viscoelastic
+from needlefem.plotting import (
+    QUANTITIES,
+    Canvas,
+    Renderer,
+    RenderOptions,
+    Style,
+    SurfaceMesh,
+    Timeline,
+    View,
+    animate,
+    images,
+    panels,
+    renderer,
+    synthetic_ultrasound,
+)
+from needlefem.plotting.quantities import scale_of
+from needlefem.plotting.view import whole
+from needlefem.scene import Scene, Stage, vary, with_element
 from tests.conftest import PAPER_CASE
 from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401
 

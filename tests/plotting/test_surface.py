@@ -9,13 +9,13 @@ import pytest
 import pyvista as pv
 import skfem
 
-from needlefem.checks.models import rectangle
-from needlefem.elements import CATALOGUE, ElementType
-from needlefem.elements.shape_functions import gauss, simplex
-from needlefem.fem.function_space import FunctionSpace
-from needlefem.io.vtu import write_vtu
+from needlefem.checks import rectangle
+from needlefem.elements import CATALOGUE, ElementType, gauss, simplex
+from needlefem.fem import FunctionSpace
+from needlefem.io import write_vtu
 from needlefem.materials import Isotropic
-from needlefem.plotting.view import MOST, SurfaceMesh
+from needlefem.plotting import SurfaceMesh
+from needlefem.plotting.view import MOST
 from tests.insertion.test_three_dimensions import TETRAHEDRON
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)

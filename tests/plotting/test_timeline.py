@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from needlefem.geometry.contour import Contour
-from needlefem.insertion.simulation import simulate
-from needlefem.plotting.timeline import Timeline
+from needlefem import simulate
+from needlefem.geometry import Contour
+from needlefem.plotting import Timeline
 from needlefem.scene import Region, Scene, vary
 
 

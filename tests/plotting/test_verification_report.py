@@ -7,21 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.checks.models import square_mesh
-from needlefem.checks.reference_problem import (
+from needlefem.checks import (
     Curve,
     Problem,
     ProblemResult,
     Quantity,
     Shape,
     run_problem,
+    square_mesh,
 )
 from needlefem.elements import CATALOGUE
 from needlefem.errors import NoRendererError
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem
+from needlefem.fem import BoundaryValueProblem
 from needlefem.materials import Isotropic
-from needlefem.plotting import verification_report
-from needlefem.plotting.verification_report import Bar, ChartLine, bars, loglog
+from needlefem.plotting import Bar, ChartLine, bars, loglog, verification_report
 
 
 class Strict(HTMLParser):

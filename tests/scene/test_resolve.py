@@ -2,20 +2,12 @@ import math
 
 import pytest
 
+from needlefem import build_model, plan
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
-from needlefem.insertion.simulation import Simulation
-from needlefem.planning.plan import plan
-from needlefem.scene import Rayleigh, Scene, Stage, vary
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import (
-    cell_shape,
-    damping_time,
-    fastest,
-    resolve,
-    slowest_wave,
-    with_element,
-)
+from needlefem.insertion import Simulation
+from needlefem.scene import Rayleigh, Scene, Stage, resolve, slowest_wave, vary, with_element
+from needlefem.scene.resolve import cell_shape, damping_time, fastest
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from needlefem.cli.main import main
-from needlefem.stress import inputs
+from needlefem.stress import Lost, check_input, inputs, make_results, write_case, write_mesh_case
 from needlefem.stress.damage import CODE, damage
-from needlefem.stress.inputfiles import MESH_FILES, make_results, write_case, write_mesh_case
-from needlefem.stress.inputruns import check_input
-from needlefem.stress.pool import Lost
+from needlefem.stress.inputfiles import MESH_FILES
 
 SEED = 16
 COUNT = 200

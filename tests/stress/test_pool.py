@@ -4,7 +4,7 @@ import os
 import time
 
 from needlefem._progress import expect_steps
-from needlefem.stress.pool import Lost, WorkerLimits, work_through
+from needlefem.stress import Lost, WorkerLimits, work_through
 
 
 def work(task: int) -> int:

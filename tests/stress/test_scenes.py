@@ -7,18 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.casefile.load import load_case
+from needlefem import load_case, simulate
 from needlefem.cli.main import main
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.simulation import simulate
-from needlefem.insertion.state import TipPhase
+from needlefem.insertion import TipPhase, energy_terms
 from needlefem.scene import Scene, Stage, vary
-from needlefem.stress import scenes
-from needlefem.stress.draw import draw_case
-from needlefem.stress.drawncase import DrawnQuantity, Units, in_units
-from needlefem.stress.inputfiles import write_drawn_case
-from needlefem.stress.scenes import SceneRun, faults_of
-from needlefem.stress.symmetry import ANGLE, distance, turned_mesh, turned_scene
+from needlefem.stress import (
+    DrawnQuantity,
+    SceneRun,
+    Units,
+    distance,
+    draw_case,
+    faults_of,
+    in_units,
+    scenes,
+    turned_mesh,
+    turned_scene,
+    write_drawn_case,
+)
+from needlefem.stress.symmetry import ANGLE
 
 SEED = 16
 COUNT = 7
@@ -138,7 +144,7 @@ def test_one_scene_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_distance_is_infinite_where_status_differs() -> None:
-    from needlefem.stress.scenes import SceneAnswer
+    from needlefem.stress import SceneAnswer
 
     one = SceneAnswer(
         status="completed", sentence="", points=np.zeros((1, 2)), path=np.zeros((0, 2)), depth=0.1

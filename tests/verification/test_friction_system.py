@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.contact import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
 from verification.support.friction_system import END, MEAN, FrictionSystem
 

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from needlefem.insertion.simulation import Simulation
-from needlefem.scene import Scene, vary
-from needlefem.scene.build import build_mesh, build_model
-from needlefem.scene.resolve import resolve
+from needlefem import build_model
+from needlefem.insertion import Simulation
+from needlefem.scene import Scene, build_mesh, resolve, vary
 from verification.benchmarks.scaling import grown
 from verification.benchmarks.skips import skips
 

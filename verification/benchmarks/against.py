@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import needlefem
-from needlefem._table import Table
-from needlefem.bench.timing import children_seconds, median, spread_bars
+from needlefem.bench import children_seconds, median, spread_bars
 from needlefem.errors import CaseError, SimulationError
+from needlefem.studies import Table
 
 ROUNDS = 15
 MOST = 1.05

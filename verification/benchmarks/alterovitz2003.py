@@ -5,18 +5,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from needlefem._table import Table
+from needlefem import load_case, plan
 from needlefem.alterovitz2003.plan import own_plan, paper_plan
 from needlefem.alterovitz2003.simulation import InTime
-from needlefem.bench.accuracy import OWN, Entrant, race
-from needlefem.bench.timing import median
-from needlefem.casefile.load import load_case
+from needlefem.bench import OWN, Entrant, median, race
 from needlefem.errors import CaseError
-from needlefem.planning.adaptive import ReferenceSolution
-from needlefem.planning.plan import plan
-from needlefem.planning.result import Plan
-from needlefem.scene import Scene
-from needlefem.scene.resolve import with_element
+from needlefem.planning import Plan, ReferenceSolution
+from needlefem.scene import Scene, with_element
+from needlefem.studies import Table
 
 ROUNDS = 3
 LEAST = 20.0

@@ -1,7 +1,7 @@
 """Which element is worth its time: error against seconds in static and modal problems."""
 
-from needlefem._table import Table
-from needlefem.checks.work_precision import ELEMENTS
+from needlefem.checks import ELEMENTS
+from needlefem.studies import Table
 from verification.benchmarks.races import table_of
 
 

@@ -4,9 +4,9 @@ import os
 import subprocess
 import sys
 
-from needlefem._table import Table
-from needlefem.bench.timing import children_seconds, median, spread_bars
+from needlefem.bench import children_seconds, median, spread_bars
 from needlefem.errors import SimulationError
+from needlefem.studies import Table
 
 ROUNDS = 15
 MOST = 1.5

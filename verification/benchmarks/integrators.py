@@ -1,7 +1,7 @@
 """Which integrator is worth its time: error against seconds in waves and vibrations."""
 
-from needlefem._table import Table
-from needlefem.checks.work_precision import INTEGRATORS
+from needlefem.checks import INTEGRATORS
+from needlefem.studies import Table
 from verification.benchmarks.races import table_of
 
 

@@ -4,11 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from needlefem._table import Table
-from needlefem.bench.timing import median, seconds_of
-from needlefem.checks.reference_problem import load_problems
-from needlefem.checks.work_precision import Point, WorkPrecision, front, seconds_to
-from needlefem.plotting.verification_report import ChartLine, loglog
+from needlefem.bench import median, seconds_of
+from needlefem.checks import Point, WorkPrecision, front, load_problems, seconds_to
+from needlefem.plotting import ChartLine, loglog
+from needlefem.studies import Table
 
 PROBLEMS = "verification"
 ENOUGH = 1.2

@@ -6,15 +6,20 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from needlefem import load_case, simulate
 from needlefem._arrays import Floats
-from needlefem._table import Table
-from needlefem.bench.timing import in_turn, median
-from needlefem.casefile.load import load_case
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import simulate
-from needlefem.plotting.images import Image, save_moving
-from needlefem.plotting.render import Renderer, RenderOptions, animate, frame_times
-from needlefem.plotting.timeline import Timeline
+from needlefem.bench import in_turn, median
+from needlefem.insertion import Insertion
+from needlefem.plotting import (
+    Image,
+    Renderer,
+    RenderOptions,
+    Timeline,
+    animate,
+    frame_times,
+    save_moving,
+)
+from needlefem.studies import Table
 
 FRAMES = 60
 SIZE = (1280, 720)

@@ -10,20 +10,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from needlefem import build_model, load_case
 from needlefem._arrays import Floats, SkfemMesh
-from needlefem._table import Table
-from needlefem.bench.insertion import alone
-from needlefem.bench.timing import median, processor_seconds
-from needlefem.casefile.load import load_case
+from needlefem.bench import alone, median, processor_seconds
 from needlefem.errors import CaseError, SimulationError
-from needlefem.fem.factorization import SuperLUFactor
-from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.generation import cell_sizes, name_faces, name_regions
-from needlefem.planning.planner import Planner
-from needlefem.plotting.verification_report import ChartLine, loglog
-from needlefem.scene import Scene
-from needlefem.scene.build import build_mesh, build_model
-from needlefem.scene.resolve import resolve
+from needlefem.fem import SuperLUFactor
+from needlefem.insertion import Simulation
+from needlefem.mesh import cell_sizes, name_faces, name_regions
+from needlefem.planning import Planner
+from needlefem.plotting import ChartLine, loglog
+from needlefem.scene import Scene, build_mesh, resolve
+from needlefem.studies import Table
 
 SIZES = (20_000, 200_000, 1_000_000)
 """Unknowns, about."""

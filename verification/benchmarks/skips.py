@@ -8,20 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from needlefem._table import Table
-from needlefem.bench.timing import children_seconds, median, processor_seconds
-from needlefem.casefile.load import load_case
+from needlefem import load_case
+from needlefem.bench import children_seconds, median, processor_seconds
 from needlefem.dynamics import Damping, TissueSystem
 from needlefem.errors import CaseError
-from needlefem.fem.compliance import CachedCompliance
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import displacements
-from needlefem.planning.planner import Planner
-from needlefem.plotting.verification_report import Bar, bars
-from needlefem.scene import DYNAMIC, Scene, Stage, vary
-from needlefem.scene.resolve import resolve
+from needlefem.fem import CachedCompliance
+from needlefem.insertion import Insertion, Simulation, TipTrajectory, displacements
+from needlefem.planning import Planner
+from needlefem.plotting import Bar, bars
+from needlefem.scene import DYNAMIC, Scene, Stage, resolve, vary
+from needlefem.studies import Table
 from verification.studies.dynamics import DAMPING, moving
 
 ROUNDS = 3

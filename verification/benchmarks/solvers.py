@@ -8,16 +8,15 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from needlefem import build_model, load_case
 from needlefem._arrays import Floats, Sparse
-from needlefem._table import Table
-from needlefem.bench.timing import median, processor_seconds
-from needlefem.casefile.load import load_case
+from needlefem.bench import median, processor_seconds
 from needlefem.elements import CATALOGUE
+from needlefem.fem import CholmodFactor, SuperLUFactor, cholmod
 from needlefem.fem.compliance import BLOCK
-from needlefem.fem.factorization import CholmodFactor, SuperLUFactor, cholmod
-from needlefem.plotting.verification_report import Bar, bars
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import resolve, with_element
+from needlefem.plotting import Bar, bars
+from needlefem.scene import resolve, with_element
+from needlefem.studies import Table
 
 ROUNDS = 3
 

@@ -5,16 +5,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from needlefem._table import Table
-from needlefem.bench.insertion import PAPER
-from needlefem.bench.timing import in_turn, median
-from needlefem.casefile.load import load_case
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import State
-from needlefem.plotting.verification_report import Bar, bars
-from needlefem.scene import Stage, vary
-from needlefem.scene.resolve import tip_element_size
+from needlefem import load_case
+from needlefem.bench import PAPER, in_turn, median
+from needlefem.insertion import Insertion, Simulation, State
+from needlefem.plotting import Bar, bars
+from needlefem.scene import Stage, tip_element_size, vary
+from needlefem.studies import Table
 
 ROUNDS = 5
 TURNS = 4

@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from needlefem import build_model, load_case
 from needlefem._arrays import Floats
-from needlefem._table import Table
-from needlefem.bench.timing import in_turn, median
-from needlefem.casefile.load import load_case
+from needlefem.bench import in_turn, median
 from needlefem.dynamics import (
     CentralDifference,
     Damping,
@@ -21,10 +20,9 @@ from needlefem.dynamics import (
     TissueSystem,
 )
 from needlefem.errors import CaseError
-from needlefem.plotting.verification_report import ChartLine, loglog
-from needlefem.scene import BoxMesh, Scene
-from needlefem.scene.build import build_model
-from needlefem.scene.resolve import resolve, with_element
+from needlefem.plotting import ChartLine, loglog
+from needlefem.scene import BoxMesh, Scene, resolve, with_element
+from needlefem.studies import Table
 
 SIZES = (1_300, 20_000, 200_000)
 """Unknowns, about."""

@@ -3,10 +3,15 @@
 import numpy as np
 from scipy.sparse import diags_array
 
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.contact.friction import SlipWeakeningFriction
-from needlefem.dynamics import GeneralizedAlpha, MatrixSystem, Newmark, kinetic_energy
-from needlefem.dynamics.steppers import AlphaParameters
+from needlefem.checks import Problem, ProblemResult, Quantity
+from needlefem.contact import SlipWeakeningFriction
+from needlefem.dynamics import (
+    AlphaParameters,
+    GeneralizedAlpha,
+    MatrixSystem,
+    Newmark,
+    kinetic_energy,
+)
 from verification.support.friction_system import END, MEAN, FrictionState, FrictionSystem
 
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}

@@ -6,9 +6,18 @@ from functools import cache
 import numpy as np
 from scipy.sparse.linalg import spsolve
 
-from needlefem.checks.models import rectangle, square_mesh, tissue
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.checks.work_precision import INTEGRATORS, WAVES, WorkPrecision, implicit_and_explicit
+from needlefem.checks import (
+    INTEGRATORS,
+    WAVES,
+    Problem,
+    ProblemResult,
+    Quantity,
+    WorkPrecision,
+    implicit_and_explicit,
+    rectangle,
+    square_mesh,
+    tissue,
+)
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -19,8 +28,9 @@ from needlefem.dynamics import (
     QuasiStatic,
     TissueSystem,
     critical_step,
+    iterate,
+    last,
 )
-from needlefem.dynamics.steppers import iterate, last
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

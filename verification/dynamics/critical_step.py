@@ -5,9 +5,16 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import diags_array
 
-from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.checks.work_precision import INTEGRATORS, WAVES, WorkPrecision, implicit_and_explicit
+from needlefem.checks import (
+    INTEGRATORS,
+    WAVES,
+    Problem,
+    ProblemResult,
+    Quantity,
+    WorkPrecision,
+    implicit_and_explicit,
+    rectangle,
+)
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -18,9 +25,11 @@ from needlefem.dynamics import (
     QuasiStatic,
     System,
     TissueSystem,
+    constant,
     critical_step,
+    iterate,
+    record,
 )
-from needlefem.dynamics.steppers import constant, iterate, record
 from needlefem.elements import CATALOGUE
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic

@@ -1,8 +1,13 @@
 """D2: average acceleration keeps the energy of a free tissue."""
 
-from needlefem.checks.integrator_checks import energy_drift
-from needlefem.checks.models import eigenfrequencies, rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import (
+    Problem,
+    ProblemResult,
+    Quantity,
+    eigenfrequencies,
+    energy_drift,
+    rectangle,
+)
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from needlefem.checks.models import eigenfrequencies, rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, eigenfrequencies, rectangle
 from needlefem.dynamics import (
     HHT,
     CentralDifference,

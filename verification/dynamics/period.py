@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from needlefem.checks.integrator_checks import order, period_error, principal
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, order, period_error, principal
 from needlefem.dynamics import HHT, CentralDifference, GeneralizedAlpha, Newmark
 from verification.support.generalized_alpha_theory import period
 

@@ -1,7 +1,6 @@
 """D3: what the step can't follow is damped as designed."""
 
-from needlefem.checks.integrator_checks import spectral_radius
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, spectral_radius
 from needlefem.dynamics import HHT, GeneralizedAlpha, Integrator, Newmark
 from verification.support import generalized_alpha_theory as family
 

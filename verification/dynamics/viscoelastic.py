@@ -5,8 +5,7 @@ from scipy.sparse import block_array
 from scipy.sparse.linalg import spsolve
 
 from needlefem._arrays import Floats
-from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, rectangle
 from needlefem.dynamics import (
     HHT,
     CentralDifference,
@@ -17,11 +16,12 @@ from needlefem.dynamics import (
     Stepper,
     TissueEnergyBalance,
     TissueSystem,
+    constant,
+    iterate,
+    last,
 )
-from needlefem.dynamics.steppers import constant, iterate, last
 from needlefem.elements import CATALOGUE
-from needlefem.fem.forms import traction_load
-from needlefem.fem.tissue_model import TissueModel
+from needlefem.fem import TissueModel, traction_load
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Support
 

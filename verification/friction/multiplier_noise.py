@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import State
-from needlefem.insertion.sticking import STICK_CONDITION
+from needlefem import simulate
+from needlefem.checks import Problem, ProblemResult, Quantity
+from needlefem.insertion import STICK_CONDITION, Simulation, State
 from needlefem.scene import Scene, Stage, vary
 from verification.support.organ_in_gel import SIZE, organ_in_gel
 

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from needlefem.checks.models import tissue
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
-from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.checks import Curve, Problem, ProblemResult, Quantity, tissue
+from needlefem.contact import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
-from needlefem.mesh.generation import box
+from needlefem.mesh import box
 from verification.support.embedded_shaft import EmbeddedShaft
 
 LENGTH, WIDTH, STRETCH = 0.1, 0.01, 50.0

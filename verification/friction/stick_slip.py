@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.checks import Problem, ProblemResult, Quantity
+from needlefem.contact import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
 from verification.support.friction_system import FrictionSystem
 

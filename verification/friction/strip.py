@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.checks import Problem, ProblemResult, Quantity, rectangle
+from needlefem.contact import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.scene import Support

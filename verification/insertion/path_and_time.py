@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation, simulate
-from needlefem.insertion.state import TipPhase
+from needlefem import simulate
+from needlefem.checks import Curve, Problem, ProblemResult, Quantity
+from needlefem.insertion import Insertion, Simulation, TipPhase, TipTrajectory
 from needlefem.materials import Viscoelastic
 from needlefem.scene import Scene, vary
 from verification.support.organ_in_gel import MODULI, organ_in_gel

@@ -4,17 +4,12 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.mesh_checks import reciprocity
-from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem import build_model
+from needlefem.checks import Problem, ProblemResult, Quantity, reciprocity, rectangle
 from needlefem.elements import CATALOGUE
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase, displacements
+from needlefem.insertion import Insertion, Simulation, TipPhase, displacements, energy_terms
 from needlefem.materials import Isotropic
-from needlefem.scene import Scene, Stage, vary
-from needlefem.scene.build import build_mesh, build_model
+from needlefem.scene import Scene, Stage, build_mesh, vary
 from verification.support.organ_in_gel import organ_in_gel
 
 FRAMES = {

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import simulate
+from needlefem import simulate
+from needlefem.checks import Curve, Problem, ProblemResult, Quantity
+from needlefem.insertion import Insertion, energy_terms
 from needlefem.materials import Isotropic
 from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Stage, Support, vary
 

@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.system import modes
+from needlefem.checks import Problem, ProblemResult, Quantity, mapped_mesh
+from needlefem.dynamics import TissueSystem, modes
 from needlefem.elements import CATALOGUE
-from needlefem.fem.tissue_model import TissueModel
+from needlefem.fem import TissueModel
 from needlefem.materials import Isotropic
-from needlefem.mesh.generation import BACKGROUND, name_faces, name_regions
+from needlefem.mesh import BACKGROUND, name_faces, name_regions
 from needlefem.scene import Support
 
 CELLS, THIN = 12, 0.01

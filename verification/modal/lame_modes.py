@@ -2,13 +2,10 @@
 
 import numpy as np
 
-from needlefem.checks.models import square_mesh, tissue
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.checks.work_precision import elements_race
-from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.system import modes
+from needlefem.checks import Problem, ProblemResult, Quantity, elements_race, square_mesh, tissue
+from needlefem.dynamics import TissueSystem, modes
 from needlefem.elements import CATALOGUE
-from needlefem.fem.function_space import FunctionSpace
+from needlefem.fem import FunctionSpace
 from needlefem.materials import Isotropic
 
 EXACT = np.sqrt(2.0) * np.pi

@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from needlefem.checks.models import mapped_mesh, tissue
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.dynamics import TissueSystem
-from needlefem.dynamics.system import modes
+from needlefem.checks import Problem, ProblemResult, Quantity, mapped_mesh, tissue
+from needlefem.dynamics import TissueSystem, modes
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

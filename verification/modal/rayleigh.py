@@ -2,12 +2,8 @@
 
 import numpy as np
 
-from needlefem.checks.integrator_checks import principal
-from needlefem.checks.models import rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.dynamics import Damping, Newmark, TissueSystem
-from needlefem.dynamics.steppers import iterate, record
-from needlefem.dynamics.system import modes
+from needlefem.checks import Problem, ProblemResult, Quantity, principal, rectangle
+from needlefem.dynamics import Damping, Newmark, TissueSystem, iterate, modes, record
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

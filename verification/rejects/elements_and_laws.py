@@ -5,10 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from needlefem.checks.qualify import check_element_material, failures
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.elements import BBAR, CATALOGUE, MIXED, ElementType
-from needlefem.elements.shape_functions import gauss, simplex
+from needlefem.checks import Problem, ProblemResult, Quantity, check_element_material, failures
+from needlefem.elements import BBAR, CATALOGUE, MIXED, ElementType, gauss, simplex
 from needlefem.materials import Isotropic, MaterialResponse
 
 P1, P2, Q1 = CATALOGUE["P1"], CATALOGUE["P2"], CATALOGUE["Q1"]

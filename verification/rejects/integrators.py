@@ -4,11 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.integrator_checks import check_integrator
-from needlefem.checks.qualify import failures
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, check_integrator, failures
 from needlefem.dynamics import (
     HHT,
+    AlphaParameters,
     CentralDifference,
     GeneralizedAlpha,
     ImplicitStepper,
@@ -17,7 +16,6 @@ from needlefem.dynamics import (
     Newmark,
     System,
 )
-from needlefem.dynamics.steppers import AlphaParameters
 
 RIGHT: dict[str, Integrator] = {
     "Newmark": Newmark(),

@@ -1,7 +1,6 @@
 """S2: pure bending is met exactly by quadratic elements on any mesh, and by no linear one."""
 
-from needlefem.checks.element_checks import bending_error
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, bending_error
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

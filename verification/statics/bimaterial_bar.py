@@ -1,7 +1,6 @@
 """S14: a bar of two materials, pressed without moving sideways."""
 
-from needlefem.checks.convergence import two_material_bar
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import Problem, ProblemResult, Quantity, two_material_bar
 from needlefem.elements import CATALOGUE
 
 CONTRASTS = (1.0, 1e3, 1e6)

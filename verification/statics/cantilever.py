@@ -2,11 +2,18 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import convergence_study, order_at_least
-from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
+from needlefem.checks import (
+    Curve,
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    convergence_study,
+    mapped_mesh,
+    order_at_least,
+)
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 FORCE, LENGTH, DEPTH, MODULUS, RATIO = 1.0, 8.0, 2.0, 1000.0, 0.3

@@ -4,12 +4,17 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.convergence import convergence_study
-from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity, Shape
-from needlefem.checks.work_precision import elements_race
+from needlefem.checks import (
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    convergence_study,
+    elements_race,
+    mapped_mesh,
+)
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 CORNER, MIDDLE = np.array([[48.0, 60.0]]), np.array([[48.0, 52.0]])

@@ -2,11 +2,17 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import convergence_study
-from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
+from needlefem.checks import (
+    Curve,
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    convergence_study,
+    mapped_mesh,
+)
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 RATIO, PRESSURE, HALF = 0.3, 1.0, 1.0

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks.models import for_bent_cells, mapped_mesh
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity, Shape
+from needlefem.checks import Problem, ProblemResult, Quantity, Shape, for_bent_cells, mapped_mesh
 from needlefem.elements import CATALOGUE
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 STRIP = {0.1: 3.0361, 0.2: 3.1526, 0.25: 3.2480, 0.3: 3.3744, 0.4: 3.7472, 0.5: 4.3477, 0.6: 5.319}

@@ -4,12 +4,20 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.convergence import convergence_study, order_at_least
-from needlefem.checks.models import joined, mapped_mesh
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
-from needlefem.checks.work_precision import elements_race
+from needlefem.checks import (
+    Curve,
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    convergence_study,
+    elements_race,
+    joined,
+    mapped_mesh,
+    order_at_least,
+)
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 HALF_WIDTH = 4.0

@@ -2,12 +2,18 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import convergence_study
-from needlefem.checks.models import mapped_mesh
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
-from needlefem.checks.work_precision import elements_race
+from needlefem.checks import (
+    Curve,
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    convergence_study,
+    elements_race,
+    mapped_mesh,
+)
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 RATIO, SIZE = 0.49, 0.1

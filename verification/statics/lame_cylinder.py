@@ -2,13 +2,21 @@
 
 import numpy as np
 
-from needlefem.checks.convergence import convergence_study, order_answer
-from needlefem.checks.models import for_bent_cells, mapped_mesh
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity, Shape
-from needlefem.checks.work_precision import elements_race
+from needlefem.checks import (
+    Curve,
+    Problem,
+    ProblemResult,
+    Quantity,
+    Shape,
+    convergence_study,
+    elements_race,
+    for_bent_cells,
+    mapped_mesh,
+    order_answer,
+)
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.errors import CaseError
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 INNER, OUTER, PRESSURE = 1.0, 2.0, 1.0

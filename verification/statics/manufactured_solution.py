@@ -1,10 +1,19 @@
 """S4: manufactured solutions converge at the order of theory, and from a small error."""
 
-from needlefem.checks.convergence import convergence_study, order_answer
-from needlefem.checks.models import GENERAL, ISOCHORIC, Manufactured, distorted_mesh
-from needlefem.checks.reference_problem import Curve, Problem, ProblemResult, Quantity
+from needlefem.checks import (
+    GENERAL,
+    ISOCHORIC,
+    Curve,
+    Manufactured,
+    Problem,
+    ProblemResult,
+    Quantity,
+    convergence_study,
+    distorted_mesh,
+    order_answer,
+)
 from needlefem.elements import CATALOGUE, ElementType
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSolution
+from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic, plane_volumetric_split
 
 FINEST = {1: 32, 2: 16}

@@ -4,12 +4,18 @@ import dataclasses
 
 import numpy as np
 
-from needlefem.checks.mesh_checks import rigid_motion, spectrum, zero_modes
-from needlefem.checks.models import distorted_mesh, rectangle
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
-from needlefem.elements import CATALOGUE
-from needlefem.elements.shape_functions import gauss
-from needlefem.fem.boundary_value_problem import BoundaryValueProblem
+from needlefem.checks import (
+    Problem,
+    ProblemResult,
+    Quantity,
+    distorted_mesh,
+    rectangle,
+    rigid_motion,
+    spectrum,
+    zero_modes,
+)
+from needlefem.elements import CATALOGUE, gauss
+from needlefem.fem import BoundaryValueProblem
 from needlefem.materials import Isotropic
 
 

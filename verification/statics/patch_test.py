@@ -1,8 +1,13 @@
 """S1: a constant strain is reproduced exactly on any mesh."""
 
-from needlefem.checks.mesh_checks import patch_error, traction_patch_error
-from needlefem.checks.models import distorted_mesh
-from needlefem.checks.reference_problem import Problem, ProblemResult, Quantity
+from needlefem.checks import (
+    Problem,
+    ProblemResult,
+    Quantity,
+    distorted_mesh,
+    patch_error,
+    traction_patch_error,
+)
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 

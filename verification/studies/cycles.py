@@ -10,11 +10,10 @@ import resource
 import numpy as np
 
 from needlefem._arrays import Vector
-from needlefem._table import Table
 from needlefem.errors import SimulationError
-from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase
+from needlefem.insertion import Simulation, TipPhase
 from needlefem.scene import Scene, Stage, vary
+from needlefem.studies import Table
 
 CYCLES = 10_000
 PIECES = 3

@@ -10,12 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from needlefem._table import Table
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Insertion, Simulation, TipTrajectory, energy_terms
 from needlefem.scene import DYNAMIC, Rayleigh, Scene, Stage, vary
+from needlefem.studies import Table
 
 SPEEDS = (0.05, 0.02, 0.01, 0.005, 0.001)
 TRAVEL = 1e-4

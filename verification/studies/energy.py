@@ -1,9 +1,8 @@
 """The energy ledger of the case's insertion by two formulas."""
 
-from needlefem._table import Table
-from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Simulation, energy_terms
 from needlefem.scene import Scene, vary
+from needlefem.studies import Table
 
 IDENTITY, CONSISTENT, TRAPEZOIDAL = 1e-10, 1e-6, 2e-2
 """Largest mismatch of strain energy, and of the ledger by either formula, of the work."""

@@ -7,22 +7,21 @@ or the element's row in the catalogue must say that it is not made for this.
 import numpy as np
 
 from needlefem._arrays import Floats, SkfemMesh
-from needlefem._table import Table
-from needlefem.checks.convergence import (
+from needlefem.checks import (
+    ISOCHORIC,
     LOCKING,
+    mapped_mesh,
     over_interpolant,
+    patch_error,
     solve_manufactured,
     two_material_bar,
 )
-from needlefem.checks.mesh_checks import patch_error
-from needlefem.checks.models import ISOCHORIC, mapped_mesh
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.errors import CaseError
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Insertion, Simulation
 from needlefem.materials import Isotropic
-from needlefem.scene import BoxMesh, Refinement, Scene, vary
-from needlefem.scene.resolve import with_element
+from needlefem.scene import BoxMesh, Refinement, Scene, vary, with_element
+from needlefem.studies import Table
 
 RATIOS = (0.3, 0.49, 0.4999, 0.499999)
 CONTRASTS = (1e3, 1e6)

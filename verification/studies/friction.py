@@ -6,9 +6,9 @@ on is a number of the tissue if friction falls over a length, and of the step if
 
 import numpy as np
 
-from needlefem._table import Table
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Simulation
 from needlefem.scene import Scene, Stage, vary
+from needlefem.studies import Table
 
 RATIO = 1.5
 """Static over kinetic friction, as the paper has a pair of them."""

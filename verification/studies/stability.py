@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from needlefem._table import Table
+from needlefem import plan
 from needlefem.errors import NeedlefemError
-from needlefem.insertion.cut_path import TipTrajectory
-from needlefem.insertion.simulation import Simulation
-from needlefem.planning.plan import plan
-from needlefem.planning.planner import carry_out
-from needlefem.scene import Scene, field_of, one_contour_size, vary
-from needlefem.scene.resolve import resolve
+from needlefem.insertion import Simulation, TipTrajectory
+from needlefem.planning import carry_out
+from needlefem.scene import Scene, field_of, one_contour_size, resolve, vary
+from needlefem.studies import Table
 
 LARGEST_QUIET_ERROR = 5e-4
 """Error on the fine discretisation that needs no announcement, m."""

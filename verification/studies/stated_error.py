@@ -6,16 +6,14 @@ every cell uniformly_refined twice. Its path has a quarter of the spacing or les
 
 import numpy as np
 
-from needlefem._table import Table
+from needlefem import build_model, plan
 from needlefem.errors import CaseError
-from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.conform import uniformly_refined
-from needlefem.planning.adaptive import reference, true_error
+from needlefem.insertion import Simulation
+from needlefem.mesh import uniformly_refined
+from needlefem.planning import Plan, reference, true_error
 from needlefem.planning.error_estimate import KERNEL
-from needlefem.planning.plan import plan
-from needlefem.planning.result import Plan
 from needlefem.scene import FileMesh, Scene, vary
-from needlefem.scene.build import build_model
+from needlefem.studies import Table
 
 PATH = 0.25
 """Path spacing on a uniformly_refined mesh over that of the plan."""

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from needlefem._arrays import Ints
-from needlefem._table import Table
 from needlefem.errors import SimulationError
-from needlefem.insertion.insertion_run import InsertionRun
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import InsertionRun, Simulation
 from needlefem.scene import DYNAMIC, Scene, Stage, vary
+from needlefem.studies import Table
 from verification.studies.cycles import advance, most_memory
 from verification.studies.dynamics import DAMPING, LEAK, SLOW, moving
 

@@ -8,10 +8,9 @@ the tip is in other material than it was on the way in.
 import numpy as np
 
 from needlefem._arrays import Vector
-from needlefem._table import Table
-from needlefem.insertion.result import Insertion, Seed
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Insertion, Seed, Simulation
 from needlefem.scene import Scene, Stage, vary
+from needlefem.studies import Table
 
 SEEDS = 5
 REST = 1e-9

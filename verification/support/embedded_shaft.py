@@ -3,17 +3,10 @@
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem.contact.condensed_contact import CondensedContact
-from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
-from needlefem.fem.compliance import CachedCompliance
-from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.sticking import straight_contact
-from needlefem.needle.needle_interface import (
-    InsertionAxis,
-    NeedleInterface,
-    PointKernel,
-    cross_section,
-)
+from needlefem.contact import CondensedContact, FrictionStep, SlipWeakeningFriction
+from needlefem.fem import CachedCompliance, TissueModel
+from needlefem.insertion import straight_contact
+from needlefem.needle import InsertionAxis, NeedleInterface, PointKernel, cross_section
 
 LATERAL_STIFFNESS = 1e9
 """Of the hold on the axis, N/m^3; where tissue moves along the axis alone it does nothing."""

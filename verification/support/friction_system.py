@@ -7,9 +7,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from needlefem._arrays import Floats
-from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
-from needlefem.dynamics import KinematicState, MatrixSystem, kinetic_energy
-from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper
+from needlefem.contact import FrictionStep, SlipWeakeningFriction
+from needlefem.dynamics import (
+    AlphaParameters,
+    ImplicitStepper,
+    KinematicState,
+    MatrixSystem,
+    kinetic_energy,
+)
 
 MEAN = AlphaParameters(0.5, 0.5, 0.25, 0.5)
 """Average acceleration; friction is its mean over a step."""

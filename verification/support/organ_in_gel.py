@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from needlefem.geometry.contour import Contour
+from needlefem.geometry import Contour
 from needlefem.materials import Isotropic
 from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Region, Scene, Stage, Support
 

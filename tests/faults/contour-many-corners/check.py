@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from needlefem.geometry.contour import Contour
+from needlefem.geometry import Contour
 
 
 def disc(corners: int) -> Contour:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from needlefem.mesh.cell_map import cell_measures
-from needlefem.mesh.file import read_plane_mesh
+from needlefem.mesh import cell_measures
+from needlefem.mesh import read_plane_mesh
 
 FILES = ["t22", "t40", "t41", "t41b", "t41all", "q41", "mix41", "t41o2"]
 AREA = np.pi * 7.5 * 5.0  # of the kidney

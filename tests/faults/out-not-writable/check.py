@@ -9,7 +9,7 @@ import pytest
 
 import needlefem
 from needlefem.errors import OutputError
-from needlefem.insertion.simulation import Simulation
+from needlefem.insertion import Simulation
 
 COMMANDS = {
     "run": ["run", "case.toml", "--no-pictures", "--out"],

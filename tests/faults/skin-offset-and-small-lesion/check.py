@@ -5,8 +5,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from needlefem.casefile.load import load_case
-from needlefem.scene.build import build_mesh
+from needlefem import load_case
+from needlefem.scene import build_mesh
 
 FILLED = {
     "materials.background.youngs_modulus": "10 kPa",
