@@ -1,4 +1,4 @@
-"""Energy of a motion and where it goes, every term from its own definition."""
+"""Energy balance of a motion; each term is computed from its own definition."""
 
 import dataclasses
 
@@ -14,16 +14,17 @@ def kinetic_energy(system: System, v: Floats) -> float:
 
 @dataclasses.dataclass
 class TissueEnergyBalance:
-    """Work of the forces, and what became of it, J (J/m in 2D).
+    """Work of the external forces and the energies that it was converted to, J (J/m in 2D).
 
-    Over a step forces are taken as the mean of those at its ends. `kinetic`, `strain` and
-    `stored` (in the springs of viscoelastic branches) are what was gained since the start;
-    `damping` and `relaxation` what viscosity took; `algorithmic` what the integrator took (see
-    `_algorithmic`). Average acceleration takes nothing. `turnover` is the work of all steps,
-    whatever its sign. No term is found from the others: `residual` tells whether all are right.
+    In each step the force is taken as the mean of the forces at its ends. `kinetic`, `strain` and
+    `stored` (in the springs of viscoelastic branches) are increases since the start; `damping` and
+    `relaxation` are viscous losses; `algorithmic` is the dissipation of the integrator (see
+    `_algorithmic`), which is zero for the average acceleration. `turnover` is the sum of the
+    absolute work of all steps. No term is computed as a difference of the others, so that an error
+    in any of them appears in `residual`.
 
-    A stepper that is not a member of the generalised-alpha family (one without `weights`) has no
-    `algorithmic` term here: what it takes is then all that is missing, and in `residual`.
+    For a stepper that is not a member of the generalised-alpha family (one without `weights`) no
+    `algorithmic` term is computed: its dissipation is contained in `residual`.
     """
 
     stepper: Stepper
@@ -49,16 +50,17 @@ class TissueEnergyBalance:
         *,
         at_once: bool = False,
     ) -> None:
-        """Account for one step.
+        """Add the terms of one step.
 
         Parameters
         ----------
         old, new : KinematicState
-            At its start and end.
+            At the start and at the end of the step.
         before, after : arrays, shape (n,), N
-            Forces then.
+            Forces at these times.
         at_once : bool
-            Both motions are ends of the same step, without inertia, under one and another force.
+            Both states belong to the end of the same quasi-static step, before and after a sudden
+            change of the force.
         """
         system, moved = self.stepper.system, new.u - old.u
         work = 0.5 * float((before + after) @ moved)
@@ -77,14 +79,14 @@ class TissueEnergyBalance:
             self.algorithmic += self._algorithmic(old, new, after - before)
 
     def _algorithmic(self, old: KinematicState, new: KinematicState, more: Floats) -> float:
-        """Return what the integrator takes in a step in which the force grew by `more`.
+        """Return the energy dissipated by the integrator in a step; `more`: increase of the force.
 
         The balance ``M a_m + C v_f + K u_f + sum_b K_b p_f = f_f`` holds between the step's ends,
         ``x_m = x_mean + (1/2 - m) dx`` and ``x_f = x_mean + (1/2 - f) dx`` with
         ``x_mean = (x_0 + x_1) / 2``, ``dx = x_1 - x_0``, and with Newmark's rule
         ``du = dt v_mean + dt^2 (b - g/2) da`` and ``dv = dt (a_mean + (g - 1/2) da)``. Multiplied
         by ``du``, with ``du . M a_mean`` written as the change of the kinetic energy
-        ``dv . M v_mean`` and what is left, it reads::
+        ``dv . M v_mean`` and a remainder, it reads::
 
             f_mean . du = d(kinetic) + d(strain) + damping + sum_b du . K_b p_mean + taken
 
@@ -116,7 +118,7 @@ class TissueEnergyBalance:
 
     @property
     def residual(self) -> float:
-        """What is missing, relative to the turnover."""
+        """Return the residual of the balance, relative to the total absolute work."""
         spent = (self.kinetic, self.strain, self.stored, self.damping, self.relaxation)
         missing = abs(self.work - sum(spent) - self.algorithmic)
         return missing / self.turnover if self.turnover else missing

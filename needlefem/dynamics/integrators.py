@@ -1,9 +1,9 @@
-"""Integrators of ``M a + C v + K u = f`` with a fixed step: frozen choices, explicit states.
+"""Integrators of ``M a + C v + K u = f`` with a fixed time step.
 
-An integrator is a frozen configuration; `stepper` makes it ready for one system and one step,
-with a single factorisation. Contact sees of an implicit one only the operator ``A`` (through
-`factor`), what the system would do without it (`free_motion`), and how velocity and acceleration
-follow from the displacement (`advance`).
+An integrator is an immutable set of parameters. Its method `stepper` returns an object for one
+system and one step, with a single factorisation. The contact uses three parts of an implicit
+stepper: the operator ``A`` (its `factor`), the displacement without contact forces (`free_motion`),
+and the update of velocity and acceleration from the displacement (`advance`).
 """
 
 import dataclasses
@@ -21,14 +21,14 @@ from needlefem.dynamics.system import System
 from needlefem.errors import CaseError, matching, nearest, short
 
 ROUND_OFF = 1e-9
-"""Share by which a step may exceed a computed limit."""
+"""Relative excess over a computed limit that a step may have."""
 
 
 class Integrator(Protocol):
-    """A way to integrate in time."""
+    """A method of time integration."""
 
     def stepper(self, system: System, step: float) -> Stepper:
-        """Return it ready for a system and a step, s."""
+        """Return the stepper for a system and a time step, s."""
         ...
 
 
@@ -37,7 +37,7 @@ class Newmark:
     """Newmark's method (N. M. Newmark, J. Eng. Mech. Div. ASCE 85, 1959).
 
     ``beta = 1/4, gamma = 1/2`` is the average acceleration: second order, unconditionally
-    stable, no damping of its own. ``gamma > 1/2`` damps, at first order.
+    stable, without algorithmic damping. ``gamma > 1/2`` adds damping and is of first order.
     """
 
     beta: float = 0.25
@@ -57,8 +57,8 @@ class Newmark:
 class HHT:
     """The alpha method (H. M. Hilber, T. J. R. Hughes, R. L. Taylor 1977).
 
-    Second order, unconditionally stable; ``alpha`` from 0 (average acceleration) to -1/3 damps
-    what the step can't follow.
+    Second order, unconditionally stable. ``alpha`` between 0 (average acceleration) and -1/3 damps
+    frequencies that the step does not resolve.
     """
 
     alpha: float = -0.05
@@ -78,8 +78,8 @@ class HHT:
 class GeneralizedAlpha:
     """The generalised-alpha method (J. Chung, G. M. Hulbert 1993) by its spectral radius.
 
-    Second order, unconditionally stable; what the step can't follow shrinks by ``rho_inf`` a
-    step, with the least damping of slow motion that goes with it.
+    Second order, unconditionally stable. Frequencies that the step does not resolve are reduced by
+    the factor ``rho_inf`` per step; the damping of low frequencies is as small as possible.
     """
 
     rho_inf: float = 0.8
@@ -101,9 +101,9 @@ class GeneralizedAlpha:
 class CentralDifference:
     """Central differences: explicit, second order, stable below ``2 / w_max``.
 
-    Damping acts on the velocity at the step's end, and leaves the limit where it is (T. J. R.
-    Hughes 2000, 9.1: ``gamma = 1/2``). A larger step is refused unless the instability itself is
-    wanted.
+    Damping acts on the velocity at the end of the step and does not change the limit (T. J. R.
+    Hughes 2000, 9.1: ``gamma = 1/2``). A larger step raises an error unless the instability itself
+    is to be shown.
     """
 
     refuse_unstable: bool = True
@@ -114,7 +114,7 @@ class CentralDifference:
         Raises
         ------
         CaseError
-            The step is larger than the limit, which is named.
+            The step is larger than the limit, which the message states.
         """
         if self.refuse_unstable:
             limit = critical_step(system)
@@ -126,7 +126,7 @@ class CentralDifference:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class QuasiStatic:
-    """No inertia, no damping: equilibrium at the end of every step."""
+    """No inertia and no damping: equilibrium at the end of each step."""
 
     def stepper(self, system: System, step: float) -> StaticStepper:
         """See `Integrator`."""
@@ -145,16 +145,16 @@ NAMES: dict[str, type] = {
     "generalized-alpha": GeneralizedAlpha,
     "central-difference": CentralDifference,
 }
-"""The integrators by the name of a case."""
+"""The integrators by their names in a case."""
 
 
 def integrator_class(name: str, key: str) -> type:
-    """Return an integrator's class: one of ours, or the user's (``module:Class``).
+    """Return the class of an integrator of the package or of the user (``module:Class``).
 
     Raises
     ------
     CaseError
-        There is none of that name (the nearest is named), or it makes no stepper.
+        The name does not exist (the most similar one is given), or the class has no `stepper`.
     """
     if not _plugin.is_foreign(name):
         known = matching(name, NAMES)
@@ -163,5 +163,5 @@ def integrator_class(name: str, key: str) -> type:
         return NAMES[known]
     found = _plugin.load(name, key)
     if not (isinstance(found, type) and hasattr(found, "stepper")):
-        raise CaseError(key, f"'{name}' makes no stepper", "see docs/how-to/own-integrator.md")
+        raise CaseError(key, f"'{name}' has no method stepper", "see docs/how-to/own-integrator.md")
     return found

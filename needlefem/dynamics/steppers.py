@@ -1,4 +1,4 @@
-"""Integrators made ready for one system and one step."""
+"""Steppers: integrators for one system and one time step, and functions that run them."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ from needlefem.fem.factorization import Factor
 class KinematicState:
     """Displacement, velocity and acceleration of all unknowns; each of shape (n,).
 
-    `parts` are the displacements of the springs in viscoelastic branches, shape (branches, n).
+    `parts` are the displacements of the springs of viscoelastic branches, shape (branches, n).
     """
 
     u: Floats
@@ -25,19 +25,19 @@ class KinematicState:
 
 
 class Stepper(Protocol):
-    """One integrator, one system, one step."""
+    """An integrator for one system and one time step."""
 
     system: System
     step: float
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
-        """Return the motion that starts from displacement and velocity under a force."""
+        """Return the state with a given displacement and velocity under a force."""
         ...
 
     def advance_under(
         self, motion: KinematicState, before: Floats, after: Floats
     ) -> KinematicState:
-        """Return the motion a step later; forces at the step's start and end, shape (n,), N."""
+        """Return the state after a step; forces at the start and the end of it, shape (n,), N."""
         ...
 
 
@@ -45,7 +45,7 @@ class Stepper(Protocol):
 class AlphaParameters:
     """Parameters of the generalised-alpha family (J. Chung, G. M. Hulbert 1993).
 
-    Balance is asked for at ``1 - mass`` (inertia) and ``1 - force`` (all else) of the step.
+    Equilibrium is required at ``1 - mass`` (inertia) and ``1 - force`` (other terms) of the step.
     """
 
     mass: float
@@ -65,7 +65,7 @@ def _relaxed(system: System) -> Floats:
 
 
 def _start(system: System, u: Floats, v: Floats, force: Floats | None) -> KinematicState:
-    """Return the motion whose acceleration balances the forces; branches are relaxed."""
+    """Return the state whose acceleration is in equilibrium; branches are relaxed."""
     rest = -system.products(None, v if system.damped else None, u)
     if force is not None:
         rest += force
@@ -77,8 +77,8 @@ def _start(system: System, u: Floats, v: Floats, force: Floats | None) -> Kinema
 class ImplicitStepper:
     """A member of the generalised-alpha family; see `Stepper`.
 
-    ``a = (u - predicted) / (beta dt^2)`` and ``v = v0 + dt ((1 - gamma) a0 + gamma a)`` leave the
-    displacement at the step's end as the one unknown, with the operator
+    With ``a = (u - predicted) / (beta dt^2)`` and ``v = v0 + dt ((1 - gamma) a0 + gamma a)`` the
+    only unknown is the displacement at the end of the step. The operator is
     ``(1 - m) M / (beta dt^2) + (1 - f) (gamma C / (beta dt) + K)``.
     """
 
@@ -93,19 +93,19 @@ class ImplicitStepper:
             kept,
             [kept * gain for gain in self._memory.gains],
         )
-        # what follows from u, v and a: rows of coefficients, applied in one product
+        # coefficients of u, v and a in the right-hand side: rows that are applied in one product
         predicted, u, v, a = self._predictor(), *np.eye(3)
         self._known = system.operator(np.array([
             (1.0 - weights.mass) * inertia * predicted - weights.mass * a,
             kept * (drag * predicted - step * (1.0 - weights.gamma) * a) - v,
             -weights.force * u,
         ]) * np.array([[1.0], [system.damped], [1.0]]))  # fmt: skip
-        acceleration = inertia * (2.0 * u - predicted)  # the column of u is that of its change
+        acceleration = inertia * (2.0 * u - predicted)  # the coefficient of u is for its change
         velocity = v + step * ((1.0 - weights.gamma) * a + weights.gamma * acceleration)
         self._new = np.array([velocity, acceleration])
 
     def _predictor(self) -> Floats:
-        """Return what u, v and a add to the displacement without new acceleration."""
+        """Return the coefficients of u, v and a in the displacement without new acceleration."""
         return np.array([1.0, self.step, self.step**2 * (0.5 - self.weights.beta)])
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
@@ -117,9 +117,9 @@ class ImplicitStepper:
         return at_rest(self.system)
 
     def free_motion(self, motion: KinematicState, force: Floats | None = None) -> Floats:
-        """Return the displacement after a step under a force alone, shape (n,), m.
+        """Return the displacement after a step under a given force, shape (n,), m.
 
-        `force` is that at ``1 - weights.force`` of the step.
+        `force` is the force at ``1 - weights.force`` of the step.
         """
         rhs = self._known(np.array([motion.u, motion.v, motion.a]))
         if self._memory:
@@ -129,7 +129,7 @@ class ImplicitStepper:
         return self.factor.solve(rhs)
 
     def advance(self, motion: KinematicState, u: Floats) -> KinematicState:
-        """Return the motion after a step that ends at a displacement."""
+        """Return the state after a step that ends at a given displacement."""
         change = u - motion.u
         v, a = self._new @ np.array([change, motion.v, motion.a])
         parts = self._memory.advance(motion.parts, change) if self._memory else motion.parts
@@ -147,9 +147,9 @@ class ImplicitStepper:
 class ExplicitStepper:
     """Central differences in velocity form; see `Stepper`.
 
-    ``u1 = u + dt v + dt^2 a / 2``; the new acceleration balances the forces there, with half a
-    step of it in the velocity that damping sees. The mass alone is factorised (with damping:
-    ``M + dt C / 2``).
+    ``u1 = u + dt v + dt^2 a / 2``. The new acceleration follows from equilibrium at u1; the damping
+    force uses the velocity that contains half a step of the new acceleration. Only the mass matrix
+    is factorised (with damping: ``M + dt C / 2``).
     """
 
     weights = AlphaParameters(0.0, 0.0, 0.0, 0.5)
@@ -167,7 +167,7 @@ class ExplicitStepper:
         self, motion: KinematicState, before: Floats, after: Floats
     ) -> KinematicState:
         """See `Stepper`."""
-        del before  # balance is asked for at the step's end
+        del before  # equilibrium is required at the end of the step
         dt = self.step
         half = motion.v + 0.5 * dt * motion.a
         moved = dt * half
@@ -182,7 +182,7 @@ class ExplicitStepper:
 
 
 class StaticStepper:
-    """Equilibrium after every step; velocity is the difference; see `Stepper`."""
+    """Equilibrium after each step; the velocity is a difference quotient; see `Stepper`."""
 
     weights = AlphaParameters(0.0, 0.0, 0.0, 1.0)
 
@@ -192,7 +192,7 @@ class StaticStepper:
         self.factor: Factor = system.factor(0.0, 0.0, 1.0, self._memory.gains)
 
     def start(self, u: Floats, v: Floats, force: Floats | None = None) -> KinematicState:
-        """See `Stepper`; a force, if given, comes at once, and with it a displacement."""
+        """See `Stepper`; a force is applied suddenly and causes a displacement."""
         found, parts = u.copy(), _relaxed(self.system)
         if force is not None:
             shares = [1.0] * len(self.system.branches)
@@ -201,14 +201,14 @@ class StaticStepper:
         return KinematicState(found, v.copy(), np.zeros_like(v), parts)
 
     def free_motion(self, motion: KinematicState, force: Floats | None = None) -> Floats:
-        """Return the displacement after a step under a force at its end, shape (n,), m."""
+        """Return the displacement after a step under the force at its end, shape (n,), m."""
         rhs = np.zeros_like(motion.u) if force is None else force.copy()
         if self._memory:
             rhs -= self._memory.carried(motion.parts, motion.u)
         return self.factor.solve(rhs)
 
     def advance(self, motion: KinematicState, u: Floats) -> KinematicState:
-        """Return the motion after a step that ends at a displacement."""
+        """Return the state after a step that ends at a given displacement."""
         moved = u - motion.u
         parts = self._memory.advance(motion.parts, moved) if self._memory else motion.parts
         return KinematicState(u, moved / self.step, np.zeros_like(u), parts)
@@ -221,7 +221,7 @@ class StaticStepper:
         return self.advance(motion, self.free_motion(motion, after))
 
 
-# Running a stepper under a load: a generator, and collectors that decide what is kept.
+# Functions that run a stepper under a load: a generator, and functions that collect its results.
 
 
 Load = Callable[[float], Floats]
@@ -231,9 +231,9 @@ Load = Callable[[float], Floats]
 def iterate(
     stepper: Stepper, motion: KinematicState, load: Load | None, count: int
 ) -> Iterator[KinematicState]:
-    """Yield the motion after every one of `count` steps from time 0.
+    """Yield the state after each of `count` steps from time 0.
 
-    Without a load nothing pushes. Only the last motion is held: memory does not grow.
+    Without a load the force is zero. Only the last state is stored.
     """
     zero = np.zeros(stepper.system.size)
     before = zero if load is None else load(0.0)
@@ -245,34 +245,34 @@ def iterate(
 
 
 def last(motions: Iterator[KinematicState]) -> KinematicState:
-    """Return the last motion of a run."""
+    """Return the last state of a run."""
     for motion in motions:
         found = motion
     return found
 
 
 def record(motions: Iterator[KinematicState], watch: Callable[[KinematicState], Floats]) -> Floats:
-    """Return what `watch` makes of every motion, one row a step."""
+    """Return `watch(state)` for each state, one row per step."""
     return np.array([watch(motion) for motion in motions])
 
 
 def ramp(force: Floats, duration: float) -> Load:
-    """Return a load that rises evenly to `force` and stays."""
+    """Return a load that increases linearly to `force` and remains constant."""
     return lambda time: min(time / duration, 1.0) * force
 
 
 def constant(force: Floats) -> Load:
-    """Return a load that is there from the start."""
+    """Return a constant load from time 0."""
     return lambda _: force
 
 
 def switched(force: Floats, on: float, off: float = np.inf) -> Load:
-    """Return a load that comes at once at a time, s, and goes at once at another."""
+    """Return a load that is constant between the times `on` and `off` (s), and otherwise zero."""
     return lambda time: (1.0 if on <= time < off else 0.0) * force
 
 
 def table(times: Floats, factors: Floats, force: Floats) -> Load:
-    """Return `force` times a factor read from a table, linear in between."""
+    """Return `force` times a factor that is interpolated linearly in a table."""
     return lambda time: float(np.interp(time, times, factors)) * force
 
 

@@ -1,4 +1,4 @@
-"""Rayleigh damping."""
+"""Systems ``M a + C v + K u = f``, their damping and viscoelastic branches, vibration modes."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ class Damping:
     def from_ratios(
         cls, frequencies: tuple[float, float], ratios: tuple[float, float]
     ) -> "Damping":
-        """Return the damping that has two ratios at two frequencies (Hz).
+        """Return the damping with two damping ratios at two frequencies (Hz).
 
         ``zeta = mass_rate / (2 w) + stiffness_time w / 2`` (Lord Rayleigh 1877).
         """
@@ -40,31 +40,29 @@ class Damping:
         return cls(mass_rate=float(rate), stiffness_time=float(time))
 
     def ratio(self, frequency: float) -> float:
-        """Return the share of critical damping at a frequency, Hz."""
+        """Return the damping ratio (1 is critical damping) at a frequency, Hz."""
         omega = 2.0 * np.pi * frequency
         return 0.5 * (self.mass_rate / omega + self.stiffness_time * omega)
 
 
-# Internal variables of viscoelastic tissue over steps of one duration.
-#
-# What a Maxwell branch remembers is a strain, and the strain of a displacement of its own: the
-# branches with one relaxation time need one vector of unknowns between them, not numbers at every
-# quadrature point.
+# Internal variables of viscoelastic tissue. The internal variable of a Maxwell branch is a strain,
+# and this strain belongs to a displacement field. Therefore all branches with the same relaxation
+# time need one vector of unknowns together, instead of values at every quadrature point.
 
 
 class MaxwellUpdate:
-    """Branches of a system, ready for one step.
+    """Update of a system's viscoelastic branches over one time step.
 
     Parameters
     ----------
     branches : sequence of (float, sparse matrix)
-        Relaxation times, s, and stiffnesses on the unknowns.
+        Relaxation times, s, and stiffness matrices.
     step : float, s
 
     Attributes
     ----------
     gains : list of float
-        Share of every branch's stiffness in the step's operator.
+        Share of each branch's stiffness in the operator of the step.
     """
 
     def __init__(self, branches: Sequence[tuple[float, Sparse]], step: float) -> None:
@@ -73,13 +71,14 @@ class MaxwellUpdate:
         self.gains = [load_factor(step, time) for time, _ in branches]
 
     def __bool__(self) -> bool:
-        """Whether there is anything to remember."""
+        """Whether the system has viscoelastic branches."""
         return bool(self.gains)
 
     def carried(self, parts: Floats, u: Floats, before: float = 0.0) -> Floats:
-        """Return the branches' force in a step, without what the new displacement adds.
+        """Return the force of the branches in a step without the part of the new displacement.
 
-        Weighted by `before` at the step's start and the rest at its end; shape (n,), N.
+        The force at the start of the step has the weight `before`, the force at its end the
+        weight ``1 - before``; shape (n,), N.
         """
         total = np.zeros_like(u)
         for part, stiffness, left, kept in zip(
@@ -90,14 +89,14 @@ class MaxwellUpdate:
         return total
 
     def force(self, parts: Floats) -> Floats:
-        """Return the branches' force, shape (n,), N."""
+        """Return the force of the branches, shape (n,), N."""
         total = np.zeros(parts.shape[1])
         for part, stiffness in zip(parts, self._stiffness, strict=True):
             total += stiffness @ part
         return total
 
     def advance(self, parts: Floats, change: Floats) -> Floats:
-        """Return the branches' displacements after a step in which `u` changed."""
+        """Return the displacements of the branches after a step with a given change of `u`."""
         pairs = zip(parts, self._decays, self.gains, strict=True)
         return np.array([left * part + kept * change for part, left, kept in pairs])
 
@@ -107,11 +106,11 @@ class MaxwellUpdate:
         return 0.5 * float(sum(part @ (stiffness @ part) for part, stiffness in pairs))
 
     def lost(self, before: Floats, after: Floats, *, at_once: bool = False) -> float:
-        """Return what the dashpots take in a step, J.
+        """Return the energy dissipated by the dashpots in a step, J.
 
-        Mean force times change of displacement, less the change of energy, from both ends'
-        displacements alone; for short steps ``step / T`` times twice the mean energy. `at_once`
-        is a change from one end of the same step to another, in which nothing decays.
+        This is the mean force times the displacement of the dashpot, computed from the
+        displacements at both ends; for short steps ``step / T`` times twice the mean energy.
+        `at_once` marks a sudden change at a fixed time, in which the branches do not relax.
         """
         total = 0.0
         zipped = zip(before, after, self._stiffness, self._decays, self.gains, strict=True)
@@ -122,25 +121,25 @@ class MaxwellUpdate:
         return total
 
 
-# What is integrated in time: ``M a + C v + K u = f`` on some unknowns.
+# Systems to be integrated in time: ``M a + C v + K u = f`` on a set of unknowns.
 
 
 Operator = Callable[[Floats], Floats]
-"""Makes a force, shape (n,), of vectors, shape (k, n)."""
+"""Returns a force, shape (n,), for vectors, shape (k, n)."""
 
 
 class System(Protocol):
-    """Mass, damping and stiffness as products and factorisations: all that integrators see.
+    """Products and factorisations of mass, damping and stiffness: the interface of integrators.
 
     Attributes
     ----------
     size : int
         Number of unknowns.
     damped : bool
-        Whether there is a damping at all.
+        Whether there is damping.
     branches : tuple of (float, sparse matrix)
-        Relaxation times (s) of a viscoelastic system and the stiffnesses that relax; K is what
-        is left when all have.
+        Relaxation times (s) and stiffness matrices of viscoelastic branches. K is the stiffness
+        of the fully relaxed system.
     """
 
     size: int
@@ -156,20 +155,20 @@ class System(Protocol):
         ...
 
     def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
-        """Return ``M a + C v + K u`` by as few products as it takes; None stands for zero."""
+        """Return ``M a + C v + K u`` with as few products as possible; None stands for zero."""
         ...
 
     def operator(self, coefficients: Floats) -> Operator:
-        """Return what makes ``M a + C v + K u`` of k vectors, shape (k, n), at once.
+        """Return a function that computes ``M a + C v + K u`` from k vectors, shape (k, n).
 
-        `coefficients`, shape (3, k), say what the vectors add to a, v and u.
+        `coefficients`, shape (3, k), are the weights of the vectors in a, v and u.
         """
         ...
 
     def factor(
         self, mass: float, damping: float, stiffness: float, shares: Sequence[float] = ()
     ) -> Factor:
-        """Factorise ``mass M + damping C + stiffness K`` and a share of every branch."""
+        """Return the factor of ``mass M + damping C + stiffness K`` plus shares of the branches."""
         ...
 
     def strain_energy(self, u: Floats) -> float:
@@ -183,12 +182,12 @@ class System(Protocol):
 
 
 class MatrixSystem:
-    """A system given by its matrices; see `System`.
+    """A system with given matrices; see `System`.
 
     Parameters
     ----------
     mass, stiffness, damping : array or sparse matrix, shape (n, n)
-        Symmetric; no damping when left out.
+        Symmetric matrices; without `damping` there is none.
     branches : sequence of (float, matrix)
     """
 
@@ -250,9 +249,9 @@ class MatrixSystem:
 
 
 def joined(matrices: Sequence[Sparse], coefficients: Floats) -> Operator:
-    """Return the sum of matrices times sums of vectors as one product with a wide matrix.
+    """Return the sum of matrices times linear combinations of vectors as one wide product.
 
-    `coefficients` has a row for every matrix; those of zeros cost nothing.
+    `coefficients` has one row per matrix; a row of zeros causes no cost.
     """
     used = np.flatnonzero(np.any(coefficients, axis=1))
     rows = np.ascontiguousarray(coefficients[used])
@@ -261,14 +260,14 @@ def joined(matrices: Sequence[Sparse], coefficients: Floats) -> Operator:
 
 
 def weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Any:
-    """Return the sum of the branches' stiffnesses, each times its share; 0 without shares."""
+    """Return the sum of the branches' stiffness matrices times their shares; 0 without shares."""
     return sum((share * matrix for share, (_, matrix) in zip(shares, branches, strict=False)), 0)
 
 
 def largest(system: System, mass: Sparse) -> float:
     """Return the largest angular frequency by Lanczos iteration on ``inv(M) K``.
 
-    Branches have no time to relax in fast motion, and add all their stiffness.
+    In fast motion the branches do not relax, so that K includes their full stiffness.
     """
     inverse = factorise(mass.tocsc())
     shape = (system.size, system.size)
@@ -287,7 +286,7 @@ def largest(system: System, mass: Sparse) -> float:
     return float(np.sqrt(square[0]))
 
 
-# A tissue as a system to integrate in time.
+# A tissue as a system.
 
 
 class TissueSystem:
@@ -298,12 +297,12 @@ class TissueSystem:
     model : TissueModel
     damping : Damping
     lumping : str, optional
-        A lumping that the element admits; consistent mass when left out.
+        A lumping scheme that is admissible for the element; consistent mass by default.
 
     Raises
     ------
     CaseError
-        The tissue has no mass somewhere.
+        A material has no density.
     """
 
     def __init__(
@@ -311,7 +310,7 @@ class TissueSystem:
     ) -> None:
         if model.density.min() <= 0.0:
             remedy = "give every material a density, or simulate quasi-statically"
-            raise CaseError("materials", "a material without density has no dynamics", remedy)
+            raise CaseError("materials", "a material has no density, which inertia needs", remedy)
         self.model, self.rayleigh = model, damping or Damping()
         self.damped = self.rayleigh != Damping()
         self.size = len(model.free_dofs)
@@ -373,7 +372,7 @@ class TissueSystem:
         return float(self.model.stiffness.energy(self._on_all(u)[:, None])[0])
 
     def unknowns(self, field: Field) -> Floats:
-        """Return a vector field at the free nodes, shape (size,): an initial condition, say."""
+        """Return a vector field at the free nodes, shape (size,), such as an initial condition."""
         return self.model.dof_vector(field(self.model.nodes))[self.model.free_dofs]
 
     def body_force(self, field: Field) -> Floats:
@@ -385,7 +384,7 @@ class TissueSystem:
         return self.model.face_load(face, field)[self.model.free_dofs]
 
     def nodal(self, x: Floats) -> Floats:
-        """Return unknowns as a nodal field, shape (nnodes, dim); zero where the tissue is held."""
+        """Return unknowns as a nodal field, shape (nnodes, dim); zero at fixed dofs."""
         return self.model.nodal(self._on_all(x))
 
     def _on_all(self, x: Floats) -> Floats:
@@ -406,32 +405,32 @@ def _sum(one: Floats | None, factor: float, other: Floats) -> Floats | None:
     return factor * other if one is None else one + factor * other
 
 
-# Free vibration: frequencies and shapes of a tissue, held or free.
+# Free vibration: frequencies and mode shapes, with or without supports.
 
 
 def modes(system: TissueSystem, count: int, near: float = 0.0) -> tuple[Floats, Floats]:
-    """Return the modes whose frequencies are nearest to a value.
+    """Return the vibration modes with the frequencies closest to a value.
 
     Parameters
     ----------
     system : TissueSystem
-        Its damping plays no part.
+        Its damping is ignored.
     count : int
     near : float, 1/s
-        Angular frequency; 0 for the lowest.
+        Angular frequency; 0 returns the lowest modes.
 
     Returns
     -------
-    Angular frequencies, shape (count,), 1/s, rising, and shapes, shape (size, count), with a
-    modal mass of 1. Shift-invert Lanczos, which needs ``K - shift M`` by its factorisation alone.
-    A free tissue has zero frequencies for its rigid motions.
+    Angular frequencies, shape (count,), 1/s, rising, and mode shapes, shape (size, count), with
+    modal mass 1. The method is shift-invert Lanczos, which needs a factorisation of ``K - shift M``
+    only. A tissue without supports has zero frequencies for its rigid motions.
     """
     mass: Sparse = system.mass.tocsc()
-    # below zero the operator stays definite; the shift must only be small beside what is sought
+    # a negative shift makes the operator positive definite; it must be small compared to the result
     shift = near**2 if near else -1e-3 * _scale(system)
     factor = system.factor(-shift, 0.0, 1.0)
     inverse = LinearOperator(mass.shape, matvec=factor.solve, dtype=float)
-    start = np.random.default_rng(1).normal(size=system.size)  # fixed: results are reproducible
+    start = np.random.default_rng(1).normal(size=system.size)  # fixed seed: reproducible results
     squares, shapes = eigsh(
         mass, count, mass, sigma=shift, OPinv=inverse, which="LM", v0=start
     )  # the first argument is not used when the inverse is given
@@ -441,7 +440,7 @@ def modes(system: TissueSystem, count: int, near: float = 0.0) -> tuple[Floats, 
 
 
 def _scale(system: TissueSystem) -> float:
-    """Return the square of a frequency like the lowest: of a wave across the whole tissue."""
+    """Return an estimate of the lowest squared frequency: a wave across the whole tissue."""
     model = system.model
     size = float(np.ptp(model.nodes))
     speeds = [part.shear / density for part, density in model.laws()]

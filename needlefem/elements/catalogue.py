@@ -1,4 +1,4 @@
-"""What the package must know of an element."""
+"""The catalogue of elements: one `ElementType` for each name in a case."""
 
 import dataclasses
 from collections.abc import Callable
@@ -19,30 +19,30 @@ DISPLACEMENT, BBAR, MIXED = "plain", "mean", "pressure"
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ElementType:
-    """One row of the catalogue.
+    """An element of the catalogue.
 
     Parameters
     ----------
     name : str
-        The word used in a case.
+        Name of the element in a case.
     cell : str
         Shape of the cells of its meshes: triangle, quadrilateral, tetrahedron or hexahedron.
     make : callable
-        Returns the scalar scikit-fem element of a displacement component. Its shape functions
-        are nodal: each is 1 at its own node and 0 at the others.
+        Returns the scalar scikit-fem element of one displacement component. Its basis must be
+        nodal: each shape function is 1 at its own node and 0 at all others.
     degree : int
-        Complete polynomial degree, the order of convergence of the strain.
+        Complete polynomial degree, which is the order of convergence of the strain.
     stiffness_rule, mass_rule : callable
-        Return the quadratures of K and M on the reference cell.
+        Return the quadrature rules of K and M on the reference cell.
     lumpings : tuple of str
-        Mass lumpings that give positive masses with the right total.
+        Lumping schemes that give positive masses with the correct sum.
     poissons_ratio_limit : float
-        Above it the element locks: the scene is warned.
+        Poisson's ratio above which the element locks and a warning is given.
     stress_limit : float
-        Poisson's ratio above which its stress may not be read.
+        Poisson's ratio above which the stress of the element is not accurate.
     volume : str
-        How a change of volume is resisted: ``"plain"`` at every quadrature point, ``"mean"`` by
-        its mean over the cell (B-bar), ``"pressure"`` through a pressure of its own (mixed).
+        Treatment of a change of volume: ``"plain"`` at each quadrature point, ``"mean"`` by its
+        mean over the cell (B-bar), ``"pressure"`` by a pressure field (mixed element).
     volume_rule : callable, optional
         Quadrature of the volumetric part of a ``"mean"`` element: one point.
     pressure : callable, optional
@@ -64,32 +64,32 @@ class ElementType:
 
     def __post_init__(self) -> None:
         if (self.volume == BBAR) != (self.volume_rule is not None):
-            remedy = "give it with volume='mean', and only then"
+            remedy = "set it together with volume='mean' and in no other case"
             raise CaseError(f"element {self.name}", "volume_rule and volume disagree", remedy)
         if (self.volume == MIXED) != (self.pressure is not None):
-            remedy = "give it with volume='pressure', and only then"
+            remedy = "set it together with volume='pressure' and in no other case"
             raise CaseError(f"element {self.name}", "pressure and volume disagree", remedy)
 
     @property
     def definite(self) -> bool:
-        """Whether its matrices are positive definite; those of mixed elements are not."""
+        """Whether the matrices are positive definite; for mixed elements they are indefinite."""
         return self.volume != MIXED
 
     @property
     def nodes(self) -> Floats:
-        """Places of the nodes in the reference cell, shape (n, dim)."""
+        """Positions of the nodes in the reference cell, shape (n, dim)."""
         places: Floats = self.make().doflocs
         return places
 
 
-# The MINI element's displacement (D. N. Arnold, F. Brezzi, M. Fortin 1984), nodal.
+# Displacement of the MINI element (D. N. Arnold, F. Brezzi, M. Fortin 1984) with a nodal basis.
 
 
 class TriangleBubble(ElementH1):  # type: ignore[misc]  # scikit-fem ships no types
-    """Linear triangle with a cubic bubble.
+    """Linear triangle with a cubic bubble and a nodal basis.
 
-    scikit-fem's own has the bubble on top of the linear functions, so that a field's value in
-    the middle is no degree of freedom. Here it is: every function vanishes at the others' nodes.
+    In scikit-fem's own element the bubble is added to the linear functions, so that the value at
+    the centre is no degree of freedom. Here every function is zero at the nodes of the others.
     """
 
     nodal_dofs = 1
@@ -112,7 +112,7 @@ class TriangleBubble(ElementH1):  # type: ignore[misc]  # scikit-fem ships no ty
         return linear - bubble / 3.0, gradient.reshape(shape) - slope / 3.0
 
 
-# The element catalogue: one row an element, chosen by name.
+# The catalogue: one entry per element.
 
 
 _ROWS = (
@@ -162,12 +162,12 @@ CATALOGUE: dict[str, ElementType] = {row.name: row for row in _ROWS}
 
 
 def element_row(name: str, key: str = "discretisation.element") -> ElementType:
-    """Return an element's row: of the catalogue, or of the user's (``module:Name``).
+    """Return an element of the catalogue, or an element of the user (``module:Name``).
 
     Raises
     ------
     CaseError
-        There is none of that name (the nearest is named), or it is no `ElementType`.
+        The element does not exist (the most similar name is given), or is no `ElementType`.
     """
     if not _plugin.is_foreign(name):
         known = matching(name, CATALOGUE)

@@ -1,7 +1,8 @@
-"""Quadrature rules on reference cells, always given explicitly.
+"""Quadrature rules and shape functions on reference cells.
 
-scikit-fem chooses rules by polynomial degree, and never one point: ``intorder=1`` on
-quadrilaterals is four of them, so that reduced integration would silently do nothing.
+All quadrature rules are chosen explicitly. scikit-fem chooses a rule by its polynomial degree, and
+``intorder=1`` on quadrilaterals has four points instead of one: reduced integration would have no
+effect, and no message would say so.
 """
 
 import math
@@ -17,18 +18,18 @@ from skfem.refdom import RefTet, RefTri
 from needlefem._arrays import Floats, Points
 
 Rule = Callable[[], tuple[Floats, Floats]]
-"""Returns points (dim, n) in the reference cell and weights (n,) that sum to its measure."""
+"""Returns points (dim, n) of the reference cell and weights (n,) whose sum is its measure."""
 
 
 def gauss(points: int, dim: int = 2) -> Rule:
-    """Return the product rule of `points` Gauss points an axis on the unit square (cube)."""
+    """Return the product rule with `points` Gauss points per axis on the unit square (cube)."""
     return partial(_gauss, points, dim)
 
 
 def simplex(order: int, dim: int = 2) -> Rule:
-    """Return a rule on the triangle (tetrahedron) that integrates degree `order` exactly.
+    """Return a rule on the triangle (tetrahedron) that is exact up to degree `order`.
 
-    Order 1 is the point in the middle.
+    Order 1 is the rule with one point at the centre.
     """
     return partial(_simplex, order, dim)
 
@@ -58,22 +59,22 @@ def _simplex(order: int, dim: int) -> tuple[Floats, Floats]:
     return points, weights
 
 
-# Shape functions as polynomials: many points in one product.
+# Shape functions as polynomials: all points are evaluated in one matrix product.
 
 
 ROUND_OFF = 1e-10
-"""Coefficients as near as this to a multiple of one half are that: Lagrange's are."""
+"""Tolerance for rounding coefficients to multiples of one half (those of Lagrange elements)."""
 
 
 class ShapeTable:
-    """Shape functions of a scikit-fem element on its reference cell.
+    """Shape functions of a scikit-fem element as polynomials on the reference cell.
 
-    The coefficients are read off scikit-fem's own functions.
+    The coefficients are computed from values of scikit-fem's shape functions.
 
     Parameters
     ----------
     element : skfem.Element
-        Scalar, with polynomial shape functions.
+        A scalar element with polynomial shape functions.
     """
 
     def __init__(self, element: Any) -> None:
@@ -91,7 +92,7 @@ class ShapeTable:
         self._slopes = [self._derivative(axis) @ self._coefficients for axis in range(dim)]
 
     def _set_powers(self, powers: list[tuple[int, ...]]) -> None:
-        """Keep the monomials: each but the first is one before it times a coordinate."""
+        """Store the monomials; each is the product of an earlier one and a coordinate."""
         self._powers, self._factors = powers, []
         for power in powers[1:]:
             axis = next(i for i, p in enumerate(power) if p)
@@ -99,7 +100,7 @@ class ShapeTable:
             self._factors.append((powers.index(lower), axis))
 
     def _needed(self, used: Any) -> list[int]:
-        """Return the monomials used and all that they are products of."""
+        """Return the indices of the used monomials and of all their factors."""
         wanted = [self._powers[i] for i in used]
         return [
             number
@@ -128,19 +129,19 @@ class ShapeTable:
         return values
 
     def gradients(self, reference: Points) -> Floats:
-        """Return their gradients at reference points (n, dim), shape (n, nodes, dim)."""
+        """Return the gradients at reference points (n, dim), shape (n, nodes, dim)."""
         monomials = self._monomials(reference)
         return np.stack([monomials @ slope for slope in self._slopes], axis=2)
 
 
 @lru_cache(maxsize=32)
 def shape_table(make: Callable[[], Any]) -> ShapeTable:
-    """Return the shape functions of the element that `make` makes, the same each time."""
+    """Return the shape functions of the element that `make` returns; the result is cached."""
     return ShapeTable(make())
 
 
 def _fitted(monomials: Floats, values: Floats) -> Floats:
-    """Return coefficients, freed of the round-off that differs from one processor to the next."""
+    """Return the coefficients, rounded so that they are equal on all processors."""
     found = np.linalg.lstsq(monomials, values, rcond=None)[0]
     halves = 0.5 * np.round(2.0 * found)
     snapped: Floats = np.where(np.abs(found - halves) < ROUND_OFF, halves, found)

@@ -1,4 +1,4 @@
-"""A tissue in equilibrium under prescribed displacements, tractions and body forces."""
+"""Static boundary value problems: supports, tractions, body forces and the equilibrium."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ from needlefem.fem.stiffness import Stiffness
 from needlefem.materials import Material, plane_volumetric_split, volumetric_split
 
 Where = Callable[[Points], Bools] | None
-"""Says which outer facets, by their middles, shape (n, dim); all when None."""
+"""Selects outer facets by their midpoints, shape (n, dim); None selects all outer facets."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class StaticSolution:
     pressure : array, shape (npressures,), Pa
         Tension positive; empty unless the element is mixed.
     free : int
-        Unknowns that were solved for, the pressure's among them.
+        Number of unknowns that were solved for, including those of the pressure.
     """
 
     space: FunctionSpace
@@ -44,7 +44,7 @@ class StaticSolution:
         return self.space.displacement_at(self.u, np.asarray(points, dtype=float))
 
     def l2_error(self, exact: Field, order: int = 8) -> float:
-        """Return the error in the L2 norm, relative to that of the exact displacement."""
+        """Return the L2 error of the displacement, relative to the norm of the exact one."""
         return self._error(exact, order, gradient=False)
 
     def h1_error(self, exact: Callable[[Points], Floats], order: int = 8) -> float:
@@ -64,13 +64,13 @@ class StaticSolution:
         return float(np.sqrt(np.sum(off * basis.dx) / np.sum(whole * basis.dx)))
 
     def stress(self, reference: Points) -> Floats:
-        """Return Voigt stresses at reference points of all cells; see `fem.stress`."""
+        """Return Voigt stresses at reference points of all cells; see `fem.recovery.stresses`."""
         return stresses(self.space, self.stiffness, self.u, self.pressure, reference)
 
     def at_vertices(self) -> Points:
         """Return the displacement of the mesh's points, shape (npoints, dim), m.
 
-        Zero at points that are no vertices (the middles of curved edges).
+        Zero at points that are not vertices (midpoints of curved edges).
         """
         mesh = self.space.mesh
         found = np.zeros((mesh.p.shape[1], mesh.dim()))
@@ -85,7 +85,7 @@ class StaticSolution:
         return int(vertices[np.argmin(away)])
 
     def vertex_stress(self, point: Points) -> Floats:
-        """Return the Voigt stress at the vertex nearest to a point: the mean of its cells'."""
+        """Return the mean Voigt stress of the cells at the vertex nearest to a point, Pa."""
         mesh = self.space.mesh
         corner, cell = np.nonzero(mesh.t == self.vertex(point))
         corners = mesh.elem().doflocs[: len(mesh.t)]
@@ -94,18 +94,18 @@ class StaticSolution:
 
 
 class BoundaryValueProblem:
-    """Equilibrium of a tissue, put together piece by piece.
+    """Equilibrium of a tissue; its methods add one load or support each.
 
     Parameters
     ----------
     mesh : skfem.Mesh
-        With a subdomain for every name in `materials`, if they are several.
+        Named subdomains are required if there are several materials.
     element : ElementType
     materials : Material or mapping of names to them
     plane : str
         Plane 'strain' or 'stress'.
     space : FunctionSpace, optional
-        The element on the mesh, when it is there already.
+        An existing function space of the element on the mesh.
     """
 
     def __init__(
@@ -133,7 +133,7 @@ class BoundaryValueProblem:
         self._load: Floats = np.zeros(self.space.ndofs)
 
     def facets(self, where: Where = None) -> Ints:
-        """Return outer facets by the place of their middles."""
+        """Return the outer facets whose midpoints are selected."""
         mesh = self.space.mesh
         outer: Ints = mesh.boundary_facets()
         if where is None:
@@ -143,7 +143,7 @@ class BoundaryValueProblem:
     def fix(
         self, where: Where = None, field: Field | None = None, axes: Sequence[int] | None = None
     ) -> "BoundaryValueProblem":
-        """Prescribe the displacement (zero without a field), of some axes, on facets."""
+        """Prescribe some components of the displacement on facets; zero without a field."""
         dofs = self.space.dofs_on(self.facets(where), axes)
         nodal = np.zeros((self.space.nnodes, self.space.dim))
         if field is not None:
@@ -152,7 +152,7 @@ class BoundaryValueProblem:
         return self
 
     def fix_node(self, node: int, value: Sequence[float | None]) -> "BoundaryValueProblem":
-        """Prescribe components (None leaves one free) of the displacement of a node."""
+        """Prescribe the displacement components of a node; None leaves a component free."""
         for axis, number in enumerate(value):
             if number is not None:
                 self._held[self.space.node_dofs[node, axis]] = number
@@ -161,19 +161,19 @@ class BoundaryValueProblem:
     def apply_traction(
         self, traction: Callable[[Points, Points], Floats], where: Where = None
     ) -> "BoundaryValueProblem":
-        """Apply a traction, a function of points and outward normals, on facets."""
+        """Apply a traction (Pa), a function of points and outward unit normals, on facets."""
         space = self.space
         self._load += forms.traction_load(space.mesh, space.element, self.facets(where), traction)
         return self
 
     def apply_body_force(self, force: Field, order: int = 8) -> "BoundaryValueProblem":
-        """Apply a force per volume."""
+        """Apply a force per volume, N/m^3."""
         basis = forms.fine_basis(self.space.mesh, self.space.element, order)
         self._load += forms.body_load(basis, force)
         return self
 
     def solve(self) -> StaticSolution:
-        """Return the equilibrium."""
+        """Return the displacement and pressure in equilibrium."""
         free = np.flatnonzero(np.isnan(self._held))
         held = np.nan_to_num(self._held)
         u, pressure = self.stiffness.solve(free, self._load, held)

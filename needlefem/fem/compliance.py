@@ -1,13 +1,20 @@
-"""Columns of the tissue's compliance: from the whole factor, or from a condensed corridor.
+"""Compliance of the tissue at the nodes that the needle touches.
 
-A needle touches a corridor alone. With the corridor's inner equations i, those around them b and
-everything else, the blocks of A^-1 that it needs follow from the compliance of b and from the
-corridor's own matrix (static condensation; R. J. Guyan, AIAA Journal 3, 1965)::
+The needle touches nodes in a narrow corridor only. Let i be the equations inside of this corridor
+and b the equations outside of it that couple to i. By static condensation (R. J. Guyan, AIAA
+Journal 3, 1965) the blocks of A^-1 follow from the compliance of b and from the corridor's own
+matrix::
 
     (A^-1)_ii = A_ii^-1 + G (A^-1)_bb G',   G = A_ii^-1 A_ib
 
-The whole factor is asked for the few columns b only, however many nodes the needle touches in
-the corridor and whatever its radius or friction; nothing is subtracted, so no digits are lost.
+The factor of the whole operator is needed for the few columns b only. Their number does not depend
+on the number of nodes that the needle touches, on its radius or on its friction. The formula
+contains no difference of large numbers, so that no digits are lost.
+
+Two operators return the same numbers. `CachedCompliance` stores the dense compliance matrix between
+all nodes that needles have touched so far; its cost is low if these nodes are few, and insertions
+share it. `DirectCompliance` makes one back-substitution for each load; its cost is lower if the
+nodes are many.
 """
 
 from functools import cached_property
@@ -20,23 +27,23 @@ from needlefem.fem.factorization import Factor, factorise
 from needlefem.fem.tissue_model import TissueModel
 
 BLOCK = 64
-"""Right-hand sides solved at once: larger blocks gain nothing and cost memory."""
+"""Right-hand sides solved at once. Larger blocks are not faster and need more memory."""
 
 
 class InverseColumns(Protocol):
-    """A way to columns of A^-1.
+    """Computes columns of A^-1.
 
     Attributes
     ----------
     way : str
-        What it is called.
+        Name of the method.
     """
 
     way: str
 
     @property
     def solves(self) -> int:
-        """Back-substitutions with the whole factor so far."""
+        """Number of back-substitutions with the factor of the whole operator so far."""
         ...
 
     def between(self, rows: Ints, columns: Ints) -> Floats:
@@ -45,7 +52,7 @@ class InverseColumns(Protocol):
 
 
 class InverseColumnsOnDemand:
-    """Columns from the whole factor, one back-substitution each; see `InverseColumns`."""
+    """Columns by one back-substitution each with the whole factor; see `InverseColumns`."""
 
     way = "columns for all nodes touched"
 
@@ -71,7 +78,7 @@ class InverseColumnsOnDemand:
 
 
 class Corridor(NamedTuple):
-    """Where needles are expected: around a line.
+    """The region of the expected needles: all points near a line segment.
 
     Parameters
     ----------
@@ -84,7 +91,7 @@ class Corridor(NamedTuple):
     halfwidth: float
 
     def places(self, points: Points) -> Points:
-        """Return coordinates along the line, and what is left across it, shape (n, 1 + dim), m."""
+        """Return coordinates along the line and the vectors across it, shape (n, 1 + dim), m."""
         line = self.end - self.begin
         direction = line / np.linalg.norm(line)
         along = points @ direction
@@ -92,7 +99,7 @@ class Corridor(NamedTuple):
 
 
 def coupled_equations(model: TissueModel, inner: Bools) -> Bools:
-    """Return whether equations couple to inner ones from outside, shape (nequations,).
+    """Return whether equations outside couple to inner ones, shape (nequations,).
 
     Parameters
     ----------
@@ -111,15 +118,16 @@ def coupled_equations(model: TissueModel, inner: Bools) -> Bools:
 # A     operator of the tissue, N/m (Pa in 2D)
 # Source: static condensation, R. J. Guyan, AIAA Journal 3 (1965) 380.
 class StaticCondensation:
-    """Some equations, condensed: the rest is seen through what lies around them.
+    """Inverse of the operator on some equations by static condensation of all others.
 
     Parameters
     ----------
     model : TissueModel
-        With a definite element; its K is the operator.
+        With a positive definite element; the operator is its K.
     whole : InverseColumnsOnDemand
+        Columns of the inverse of the whole operator.
     inner : array, shape (nequations,)
-        Whether an equation is among them.
+        Whether an equation is an inner one.
     """
 
     def __init__(self, model: TissueModel, whole: InverseColumnsOnDemand, inner: Bools) -> None:
@@ -144,12 +152,12 @@ class StaticCondensation:
 
 
 class CondensedCorridor:
-    """Columns from a corridor that is condensed, and anew when a needle leaves it.
+    """Columns from a condensed corridor, which is enlarged if a needle leaves it.
 
     Parameters
     ----------
     model : TissueModel
-        With a definite element; its K is the operator.
+        With a positive definite element; the operator is its K.
     corridor : Corridor
     """
 
@@ -182,7 +190,7 @@ class CondensedCorridor:
         return self._condensed.between(rows, columns)
 
     def inner(self) -> Bools:
-        """Return whether equations belong to the corridor, shape (nequations,)."""
+        """Return whether equations are inside of the corridor, shape (nequations,)."""
         inside = np.all((self._places >= self._low) & (self._places <= self._high), axis=1)
         found: Bools = inside[self._node]
         return found
@@ -195,39 +203,32 @@ class CondensedCorridor:
             self._high = np.maximum(self._high, places[outside].max(axis=0) + self._room)
 
 
-# The tissue's response to forces of the needle, at the cheapest price.
-#
-# Two ways to the same numbers: a compliance matrix between all nodes that needles have touched,
-# grown as they go (cheap and shared when these nodes are few), or one back-substitution for each
-# load (when they are many).
-
-
 ALL = slice(None)
 AHEAD = 2.0
-"""Way ahead of a needle that is solved for at once, over its corridor's half-width."""
+"""Distance ahead of a needle that is solved for in one block, in half-widths of the corridor."""
 
 
 class ComplianceColumns(Protocol):
-    """Displacement for some loads."""
+    """Displacement for given loads."""
 
     def at(self, rows: Ints) -> Floats:
-        """Return it on rows, shape (nrows, nloads), m."""
+        """Return the displacement of rows, shape (nrows, nloads), m."""
         ...
 
     def after(self, start: int, some: slice = ALL) -> Floats:
-        """Return it for some loads on all rows from `start` on, shape (size - start, nsome), m."""
+        """Return it for some loads on the rows from `start` on, shape (size - start, nsome), m."""
         ...
 
 
 class ComplianceOperator(Protocol):
-    """Responses of one operator A, shared by all insertions on it.
+    """Displacement of touched nodes under loads for one operator A; shared by insertions.
 
     Attributes
     ----------
     size : int
-        Number of rows known; it may grow, and rows never change their numbers.
+        Number of rows so far. It may grow; existing rows keep their numbers.
     way : str
-        How they are computed.
+        Name of the method.
     """
 
     size: int
@@ -235,20 +236,20 @@ class ComplianceOperator(Protocol):
 
     @property
     def solves(self) -> int:
-        """Right-hand sides solved with the whole factor so far."""
+        """Number of right-hand sides that were solved with the whole factor so far."""
         ...
 
     def rows(self, nodes: Ints) -> Ints:
-        """Return the rows of nodes, node-major, shape (len(nodes) dim,)."""
+        """Return the rows of nodes, ordered by node, shape (len(nodes) dim,)."""
         ...
 
     def respond(self, rows: Ints, loads: Floats) -> ComplianceColumns:
-        """Return the response to loads, shape (nloads, len(rows)), on these rows."""
+        """Return the displacement for loads, shape (nloads, len(rows)), on given rows."""
         ...
 
 
 class _Equations:
-    """The equation (row of A) of every node's dofs; -1 where held."""
+    """Equation (row of A) of the dofs of each node; -1 for a fixed dof."""
 
     def __init__(self, model: TissueModel) -> None:
         equation = np.full(model.ndofs, -1)
@@ -267,18 +268,18 @@ class _Equations:
 # Source: M. Bro-Nielsen, S. Cotin, Computer Graphics Forum 15 (1996) 57 (condensation);
 # S. P. DiMaio, S. E. Salcudean, IEEE Trans. Robot. Autom. 19 (2003) 864 (needle insertion).
 class CachedCompliance:
-    """The compliance between touched nodes, dense and growing.
+    """Dense compliance between all nodes that were touched so far; it grows on demand.
 
     Parameters
     ----------
     model : TissueModel
         The tissue.
     factor : Factor, optional
-        Factorisation of the operator A on the free dofs; that of K when left out.
+        Factorisation of the operator A on the free dofs; the factor of K by default.
     columns : InverseColumns, optional
-        Where columns of A^-1 come from, if not from the factor.
+        Source of the columns of A^-1; the factor by default.
     corridor : Corridor, optional
-        Where needles go: what lies ahead of them is solved for in blocks.
+        Region of the needles. Nodes ahead of a needle in it are solved for in blocks.
     """
 
     def __init__(
@@ -299,7 +300,7 @@ class CachedCompliance:
         self._nodes: Ints = np.zeros(0, dtype=np.intp)
         self._store = np.zeros((0, 0))
         self.size = 0
-        # needles ask again and again for what is around their tip
+        # consecutive requests often concern the same nodes around the tip
         self._asked = self._rows = self._among = self._nodes
         self._block = self._store
 
@@ -312,12 +313,12 @@ class CachedCompliance:
     def compliance(self) -> Floats:
         """Displacement for unit forces between all rows, shape (size, size), m/N.
 
-        Rows and columns of held dofs are zero.
+        Rows and columns of fixed dofs are zero.
         """
         return self._store[: self.size, : self.size]
 
     def rows(self, nodes: Ints) -> Ints:
-        """See `ComplianceOperator`; nodes not touched before are solved for."""
+        """See `ComplianceOperator`; the columns of new nodes are computed."""
         if nodes is not self._asked:
             slots = self._slot[nodes]
             if slots.min(initial=0) < 0:
@@ -328,7 +329,7 @@ class CachedCompliance:
         return self._rows
 
     def among(self, rows: Ints) -> Floats:
-        """Return the compliance among rows, shape (len(rows), len(rows)), m/N."""
+        """Return the compliance between rows, shape (len(rows), len(rows)), m/N."""
         if rows is not self._among:
             self._among, self._block = rows, self.compliance[rows[:, None], rows]
         return self._block
@@ -338,7 +339,7 @@ class CachedCompliance:
         return _CachedColumns(self, rows, loads)
 
     def _foreseen(self, nodes: Ints) -> Ints:
-        """Return what is new of some nodes, and of those that lie ahead of them."""
+        """Return those of the nodes, and of the nodes ahead of them, that are not cached yet."""
         if not self._ahead:
             return nodes[self._slot[nodes] < 0]
         near = self._places[nodes]
@@ -380,20 +381,20 @@ class _CachedColumns:
     def after(self, start: int, some: slice = ALL) -> Floats:
         loads = self._loads[some]
         used = np.flatnonzero(np.any(loads, axis=0))
-        # by symmetry rows are read, which lie in memory one after the other
+        # the matrix is symmetric: reading rows is faster, because they are contiguous in memory
         found: Floats = loads[:, used] @ self._shared.compliance[self._rows[used], start:]
         return found.T
 
 
 class DirectCompliance:
-    """One back-substitution a load, on all equations; parameters as for `CachedCompliance`."""
+    """One back-substitution per load on all equations; parameters as for `CachedCompliance`."""
 
     way = "one back-substitution a load"
 
     def __init__(self, model: TissueModel, factor: Factor | None = None) -> None:
         self._factor = factor if factor is not None else model.factor
         self._equations = _Equations(model)
-        self.size = len(model.free_dofs) + 1  # the last row stands for all held dofs
+        self.size = len(model.free_dofs) + 1  # the last row represents all fixed dofs
         self._solved = 0
 
     @property

@@ -1,8 +1,8 @@
-"""Factorisations of the step operator behind one interface.
+"""Factorisations of sparse symmetric matrices behind one interface.
 
-SuperLU comes with scipy and does everything. CHOLMOD (extra `cholmod`) halves the fill of definite
-matrices and solves blocks several times faster; it is taken where it is installed and the matrix
-is large enough to pay for its import (``needlefem bench solvers``).
+SuperLU is a part of scipy and is always available. CHOLMOD (extra `cholmod`) needs half the fill
+for positive definite matrices and solves blocks several times faster. It is used if it is installed
+and the matrix is large enough to compensate for its import (``needlefem bench solvers``).
 """
 
 import functools
@@ -20,11 +20,11 @@ from needlefem.errors import SimulationError
 PIVOT = 0.1
 """Least size of a pivot on the diagonal, relative to its column, in indefinite matrices."""
 FEWEST_FOR_CHOLMOD = 5_000
-"""Unknowns below which both cost the same and SuperLU needs no import."""
+"""Number of unknowns below which both have the same cost; SuperLU needs no further import."""
 FEWEST_FOR_GROUPS = 50_000
-"""Unknowns from which on ordering nodes is cheaper than ordering unknowns."""
+"""Number of unknowns from which on ordering nodes is faster than ordering unknowns."""
 WEAK = 1e-3
-"""Couplings of nodes as they are ordered: their number counts, not their size."""
+"""Value of the couplings between nodes during the ordering, where only the pattern matters."""
 
 
 class Factor(Protocol):
@@ -32,7 +32,7 @@ class Factor(Protocol):
 
     @property
     def name(self) -> str:
-        """Who factorised it, and how."""
+        """Name of the solver and of its ordering."""
         ...
 
     def solve(self, rhs: Floats) -> Floats:
@@ -43,17 +43,18 @@ class Factor(Protocol):
 def factorise(
     matrix: Sparse, *, definite: bool = True, backend: str = "auto", groups: Ints | None = None
 ) -> Factor:
-    """Factorise a symmetric sparse matrix, positive definite unless said otherwise.
+    """Return the factor of a symmetric sparse matrix.
 
     Parameters
     ----------
     matrix : sparse
-        Rows should be alike in size.
+        The entries of all rows should have a similar magnitude.
     definite : bool
+        Whether the matrix is positive definite.
     backend : str
-        ``"superlu"``, ``"cholmod"`` (definite matrices only), or the cheaper of those installed.
+        ``"superlu"``, ``"cholmod"`` (positive definite matrices only), or the faster one.
     groups : array, shape (n,), optional
-        Number of the node, or of what else couples as one, that every unknown belongs to.
+        Group of each unknown: its node, or another set of unknowns with the same couplings.
 
     Raises
     ------
@@ -75,8 +76,9 @@ def factorise(
 class SuperLUFactor:
     """SuperLU in the minimum-degree order of A + A^T; see `Factor`.
 
-    Half the fill of its default for definite matrices, without pivots, and a third for indefinite
-    ones with a pivot off the diagonal where that is less than a tenth of its column.
+    Compared with the default of SuperLU, this halves the fill of positive definite matrices, which
+    need no pivoting. The fill of indefinite matrices is a third of the default; an off-diagonal
+    pivot is used where the diagonal is smaller than a tenth of the column's largest entry.
     """
 
     name = "SuperLU, symmetric, minimum degree"
@@ -95,15 +97,15 @@ class SuperLUFactor:
 
     @property
     def entries(self) -> int:
-        """Entries of both factors."""
+        """Number of entries of both factors."""
         return int(self._factor.L.nnz + self._factor.U.nnz)
 
 
 class GroupedFactor:
-    """SuperLU, for which nodes are ordered and not their unknowns; see `Factor`.
+    """SuperLU with an ordering of nodes instead of unknowns; see `Factor`.
 
-    The order is of the same kind, but SuperLU spends most of its time on it where there are many
-    unknowns: nodes are half as many, with a quarter of the couplings.
+    For large matrices SuperLU spends most of its time on the ordering. The graph of nodes has half
+    as many vertices (in 2D) and a quarter of the couplings, and the ordering is as good.
     """
 
     name = "SuperLU, symmetric, minimum degree of nodes"
@@ -121,19 +123,20 @@ class GroupedFactor:
 
     @property
     def entries(self) -> int:
-        """Entries of both factors."""
+        """Number of entries of both factors."""
         return self._factor.entries
 
 
 def _order(matrix: Sparse, groups: Ints) -> Ints:
-    """Return the unknowns of a symmetric matrix group by group, groups by minimum degree."""
+    """Return the unknowns ordered by group, with the groups in the order of minimum degree."""
     size, count = matrix.shape[0], int(groups.max()) + 1
     gather = csr_array((np.ones(size), (groups, np.arange(size))), shape=(count, size))
     rows = matrix.tocsr()
     pattern = csr_array((np.ones(rows.nnz), rows.indices, rows.indptr), shape=rows.shape)
     coupled = (gather @ pattern @ gather.T).tocsc()
     coupled.data[:] = WEAK
-    # an incomplete factorisation that keeps next to nothing tells SuperLU's order
+    # SuperLU has no function for the ordering alone: take it from a factorisation that drops
+    # nearly all entries
     told = spilu(
         (coupled + eye_array(count)).tocsc(),
         permc_spec="MMD_AT_PLUS_A",
@@ -164,13 +167,13 @@ class CholmodFactor:
 
     @property
     def entries(self) -> int:
-        """Entries of the factor, twice: forwards and backwards."""
+        """Number of entries of the factor times two: for forward and backward substitution."""
         return 2 * int(self._factor.L().nnz)
 
 
 @functools.cache
 def cholmod() -> Any:
-    """Return scikit-sparse's interface to CHOLMOD, or None where it is not installed."""
+    """Return scikit-sparse's interface to CHOLMOD, or None if it is not installed."""
     try:
         return import_module("sksparse.cholmod")
     except ModuleNotFoundError:

@@ -1,4 +1,4 @@
-"""Matrices and loads from scikit-fem's forms."""
+"""Matrices and load vectors, assembled with scikit-fem's forms."""
 
 from collections.abc import Callable
 from copy import copy
@@ -25,12 +25,12 @@ def displacement_basis(mesh: SkfemMesh, element: ElementType, rule: Rule) -> Bas
 
 
 def fine_basis(mesh: SkfemMesh, element: ElementType, order: int) -> Basis:
-    """Return the displacement's basis on a quadrature for any smooth field."""
+    """Return the displacement basis on a quadrature of a given order, for errors and loads."""
     return Basis(mesh, ElementVector(element.make()), mapping=_mapping(mesh), intorder=order)
 
 
 def pressure_basis(mesh: SkfemMesh, element: ElementType) -> Basis:
-    """Return the basis of a mixed element's pressure, on the quadrature of K."""
+    """Return the basis of a mixed element's pressure on the quadrature of K."""
     if element.pressure is None:
         raise CaseError(f"element {element.name}", "has no pressure", "use a mixed element")
     quadrature = element.stiffness_rule()
@@ -38,20 +38,20 @@ def pressure_basis(mesh: SkfemMesh, element: ElementType) -> Basis:
 
 
 class _Affine(MappingAffine):  # type: ignore[misc]
-    """An affine map that is pickled and copied without its tables."""
+    """An affine mapping that is pickled and copied without its cached tables."""
 
     def __getstate__(self) -> dict[str, Any]:
         return {"dim": self.dim, "mesh": self.mesh, "tind": self.tind}
 
 
 def _mapping(mesh: SkfemMesh) -> Any:
-    """Return the map from the reference cell, one for all bases on a mesh.
+    """Return the mapping from the reference cell; all bases on a mesh share it.
 
-    The mesh keeps it where skfem looks for it. It refers to a copy (of references, not of arrays):
-    a mesh whose map refers to the mesh itself would not be freed before a garbage collection.
+    It is stored in the mesh where skfem looks for it. It refers to a shallow copy of the mesh: with
+    a reference to the mesh itself, the mesh would be freed by the garbage collector only.
     """
     if "_cached_mapping" not in vars(mesh):
-        _ = mesh.facets  # computed before the copy, which has them then
+        _ = mesh.facets  # computed before the copy, so that the copy has them as well
         twin = copy(mesh)
         if mesh.affine:
             mesh._cached_mapping = _Affine(twin)
@@ -61,7 +61,7 @@ def _mapping(mesh: SkfemMesh) -> Any:
 
 
 def strain(gradient: Floats) -> list[Floats]:
-    """Return the Voigt strain of a gradient (dim, dim, ...) as a list of its components."""
+    """Return the Voigt strain of a gradient (dim, dim, ...) as a list of components."""
     g = gradient
     if len(g) == 2:
         return [g[0, 0], g[1, 1], g[0, 1] + g[1, 0]]
@@ -69,7 +69,7 @@ def strain(gradient: Floats) -> list[Floats]:
 
 
 def stiffness(basis: Basis, law: Floats) -> Sparse:
-    """Return the stiffness of a law in Voigt's notation, shape (ndofs, ndofs), N/m (2D: N/m^2).
+    """Return the stiffness of a law in Voigt notation, shape (ndofs, ndofs), N/m (2D: N/m^2).
 
     `law` has shape (n, n, ncells), Pa, with n = 3 in the plane and 6 in space.
     """
@@ -82,7 +82,7 @@ def stiffness(basis: Basis, law: Floats) -> Sparse:
 
     def form(u: Any, v: Any, _: object) -> Floats:
         nonlocal met, stress
-        if u is not met:  # one trial function meets all test functions before the next one does
+        if u is not met:  # skfem combines one trial function with all test functions in turn
             there = strain(u.grad)
             met, stress = u, [sum(value * there[j] for j, value in row) for row in rows]
         parts = map(np.multiply, strain(v.grad), stress)
@@ -102,7 +102,7 @@ def volume_stiffness(basis: Basis, kappa: Floats) -> Sparse:
 
 
 def coupling(basis: Basis, pressures: Basis) -> Sparse:
-    """Return B, shape (npressures, ndofs): the volume that a displacement gains."""
+    """Return B, shape (npressures, ndofs): the change of volume due to a displacement."""
 
     def form(u: Any, q: Any, _: object) -> Floats:
         value: Floats = div(u) * q
@@ -132,13 +132,14 @@ def mass(basis: Basis, density: Floats) -> Sparse:
 def lumped_mass(basis: Basis, density: Floats, scheme: str, element: ElementType) -> Floats:
     """Return the diagonal of a lumped mass matrix, shape (ndofs,), kg (per metre in 2D).
 
-    ``"row-sum"`` adds every row up; ``"hrz"`` scales each cell's diagonal to the cell's mass
-    (E. Hinton, T. Rock, O. C. Zienkiewicz, Earthquake Eng. Struct. Dyn. 4, 1976).
+    ``"row-sum"`` adds the entries of each row; ``"hrz"`` scales the diagonal of each cell's matrix
+    to the mass of the cell (E. Hinton, T. Rock, O. C. Zienkiewicz, Earthquake Eng. Struct. Dyn. 4,
+    1976).
 
     Raises
     ------
     CaseError
-        The element doesn't admit the scheme: it would give zero or negative masses.
+        The scheme is not admissible for the element: some masses would be zero or negative.
     """
     if scheme not in element.lumpings:
         remedy = "use " + " or ".join(element.lumpings or ("the consistent mass",))

@@ -1,4 +1,4 @@
-"""A displacement element on a mesh: its dofs, its nodes, its values anywhere."""
+"""The function space of a displacement element on a mesh: dofs, nodes, values at points."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -19,11 +19,11 @@ CELLS = {
     (3, 4): "tetrahedron",
     (3, 8): "hexahedron",
 }
-"""Cell shapes by dimension and number of corners."""
+"""Cell shape by dimension and number of vertices."""
 
 
 class FunctionSpace:
-    """Displacements of one element on one mesh.
+    """The displacement fields of one element on one mesh.
 
     Parameters
     ----------
@@ -34,14 +34,14 @@ class FunctionSpace:
     Raises
     ------
     CaseError
-        The element does not live on cells of this shape.
+        The element is not defined on cells of this shape.
     """
 
     def __init__(self, mesh: SkfemMesh, element: ElementType) -> None:
         shape = CELLS.get((mesh.dim(), mesh.t.shape[0]), "other cell")
         if element.cell != shape:
             remedy = f"use a mesh of {element.cell}s or another element"
-            problem = f"{element.name} does not live on {shape}s"
+            problem = f"{element.name} is not defined on {shape}s"
             raise CaseError("discretisation.element", problem, remedy)
         self.mesh, self.element = mesh, element
         self.dim: int = mesh.dim()
@@ -57,11 +57,11 @@ class FunctionSpace:
         self.nodes: Points = self.basis.doflocs[:, self.node_dofs[:, 0]].T
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: no factorisations, no matrices, no basis."""
+        """Return the state for pickling, without factorisations, matrices and basis."""
         return lasting_state(self, "basis")
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a space; its basis is made again, with the same numbers of dofs."""
+        """Restore a space; the basis is built again with the same numbers of dofs."""
         vars(self).update(state)
         element = self.element
         self.basis = forms.displacement_basis(self.mesh, element, element.stiffness_rule)
@@ -74,7 +74,7 @@ class FunctionSpace:
         return node
 
     def dofs_on(self, facets: Ints, axes: Sequence[int] | None = None) -> Ints:
-        """Return the dofs of all nodes on facets, of some components (all when left out)."""
+        """Return the dofs of all nodes on facets; of some components only if `axes` is given."""
         chosen = np.zeros(self.ndofs, dtype=bool)
         chosen[self.basis.get_dofs(facets).all()] = True
         wanted = np.arange(self.dim) if axes is None else np.array(axes, dtype=np.intp)
@@ -84,7 +84,7 @@ class FunctionSpace:
 
     @cached_property
     def rigid_motions(self) -> Floats:
-        """Translations and rotations of all dofs, shape (ndofs, 3 in 2D or 6 in 3D)."""
+        """Translations and rotations as dof vectors, shape (ndofs, 3 in 2D or 6 in 3D)."""
         centred = (self.nodes - self.nodes.mean(axis=0)) / np.ptp(self.nodes)
         pairs = [(i, j) for i in range(self.dim) for j in range(i + 1, self.dim)]
         motions = np.zeros((self.ndofs, self.dim + len(pairs)))
@@ -97,11 +97,11 @@ class FunctionSpace:
 
     @cached_property
     def interpolation(self) -> Interpolation:
-        """Evaluation of nodal fields anywhere in the tissue."""
+        """Interpolation of nodal fields at any point of the tissue."""
         return Interpolation(self.mesh, self.element, self.cell_nodes)
 
     def locate_as(self, other: "FunctionSpace") -> None:
-        """Look for points in cells as another element on the same mesh does, with its tables."""
+        """Use the point search of another function space on the same mesh, to share its tables."""
         found = Interpolation(self.mesh, self.element, self.cell_nodes, other.interpolation.locator)
         self.interpolation = found
 
@@ -117,11 +117,11 @@ class FunctionSpace:
         return dofs
 
     def displacement_at(self, dofs: Floats, points: Points) -> Points:
-        """Return u at points anywhere in the tissue, shape (n, dim), m."""
+        """Return the displacement at points of the tissue, shape (n, dim), m."""
         return self.interpolation.at(points).of(self.nodal(dofs))
 
     def face(self, name: str, key: str) -> Ints:
-        """Return the facets of a named face; `key` is where the name stands, for messages."""
+        """Return the facets of a named face; error messages name `key`, the place of the name."""
         present = self.mesh.boundaries or {}
         if not present:
             remedy = "name groups of edges in the mesh file (docs/how-to/own-mesh.md)"

@@ -1,4 +1,4 @@
-"""What shape functions weigh at points anywhere in the mesh."""
+"""Interpolation of nodal fields: weights of the shape functions at arbitrary points."""
 
 from functools import cached_property
 from typing import NamedTuple
@@ -14,21 +14,21 @@ from needlefem.mesh.surface import Surface
 
 
 class LinearFunctionals(NamedTuple):
-    """Linear functionals of a nodal field: rows of weights over common nodes.
+    """Linear functionals of a nodal field: one row of weights each over common nodes.
 
     Parameters
     ----------
     nodes : array, shape (k,)
-        Node numbers, each once.
+        Node numbers without repetition.
     rows : array, shape (nrows, k)
-        Every functional's weight at the nodes; each row sums to 1.
+        Weights of each functional at the nodes; the sum of each row is 1.
     """
 
     nodes: Ints
     rows: Floats
 
     def of(self, field: Floats) -> Floats:
-        """Apply the functionals to a nodal field, shape (nnodes, ...)."""
+        """Return the functionals' values for a nodal field, shape (nnodes, ...)."""
         applied: Floats = np.tensordot(self.rows, field[self.nodes], axes=1)
         return applied
 
@@ -38,7 +38,7 @@ class OutsideError(Exception):
 
 
 class Interpolation(Lasting):
-    """Means of nodal fields over quadrature points anywhere in the tissue.
+    """Means of nodal fields over quadrature points at arbitrary positions in the tissue.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ class Interpolation(Lasting):
     element : ElementType
         Element of the field.
     cell_nodes : array, shape (ncells, nodes a cell)
-        Node numbers of every cell, in the element's local order.
+        Node numbers of each cell in the element's local order.
     locator : Locator, optional
-        Of the mesh, when it is there already.
+        An existing point search for the mesh.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class Interpolation(Lasting):
 
     @cached_property
     def surface(self) -> Surface:
-        """The surface of the tissue in which the field is."""
+        """Surface of the mesh."""
         return Surface(self._mesh, self.locator.inside)
 
     def means(self, points: Points, weights: Floats, row: Ints, nrows: int) -> LinearFunctionals:
         """Return weighted means of a field over points, as functionals.
 
-        Points outside the tissue are left out and the rest renormalised.
+        Points outside of the tissue are omitted, and the remaining weights are renormalised.
 
         Parameters
         ----------
@@ -82,12 +82,12 @@ class Interpolation(Lasting):
         row : array, shape (n,)
             The functional to which each point belongs.
         nrows : int
-            How many functionals there are.
+            Number of functionals.
 
         Raises
         ------
         OutsideError
-            A functional has no point inside the tissue.
+            All points of a functional are outside of the tissue.
         """
         cells, reference = self.locator.find(points)
         if cells.min() < 0:
@@ -105,7 +105,7 @@ class Interpolation(Lasting):
         return found
 
     def slots(self, cells: Ints, row: Ints) -> tuple[Ints, Ints, Ints]:
-        """Return where points in cells add to rows over the cells' nodes.
+        """Return the positions to which the shape functions of points contribute.
 
         Parameters
         ----------
@@ -116,15 +116,15 @@ class Interpolation(Lasting):
         Returns
         -------
         nodes : array, shape (k,)
-            Those of the cells, each once.
+            Nodes of the cells without repetition.
         place : array, shape (nnodes,)
-            Of every node of the mesh among them; -1 for others.
+            Position of each node of the mesh in `nodes`; -1 for all others.
         slot : array, shape (n nodes a cell,)
-            Of every point and every node of its cell.
+            Position in the flattened rows, for each point and each node of its cell.
         """
         own = self.nodes_of(cells)
         place: Ints = np.full(self._nnodes, -1)
-        place[own] = 0  # marks are cheaper than sorting
+        place[own] = 0  # marking is faster than sorting
         nodes = (place == 0).nonzero()[0]
         place[nodes] = np.arange(len(nodes))
         return nodes, place, (row[:, None] * len(nodes) + place[own]).ravel()
@@ -136,9 +136,9 @@ class Interpolation(Lasting):
 
 
 class Follower:
-    """Means over points that move little from one call to the next.
+    """Means over points that move by small distances between calls.
 
-    Most stay in their cells: these are remembered, and only what leaves its cell is looked for.
+    The cell of each point is stored. Only points that leave their cell are searched for.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class Follower:
     row : array, shape (n,)
         The functional to which each point belongs.
     nrows : int
-        How many functionals there are.
+        Number of functionals.
     """
 
     def __init__(self, interpolation: Interpolation, row: Ints, nrows: int) -> None:
@@ -158,18 +158,18 @@ class Follower:
         self._inverse: Inverse
 
     def means(self, points: Points, weights: Floats) -> LinearFunctionals:
-        """Return weighted means of a field; the same `nodes` object while all cells are the same.
+        """Return weighted means of a field; `nodes` is the same object while no cell changes.
 
         Parameters
         ----------
         points : array, shape (n, dim), m
         weights : array, shape (n,)
-            Those of every functional sum to 1, unless points lie outside (see `Interpolation`).
+            Weights; the sum for each functional is 1 if all its points are in the tissue.
 
         Raises
         ------
         OutsideError
-            A functional has no point inside the tissue.
+            All points of a functional are outside of the tissue.
         """
         local = self._follow(points)
         if local is None:
@@ -180,7 +180,7 @@ class Follower:
         )
 
     def _follow(self, points: Points) -> Points | None:
-        """Return the points in their reference cells; None: some are outside the tissue."""
+        """Return the points in their reference cells, or None if some are outside of the tissue."""
         locator = self._interpolation.locator
         known = self._cells[0] >= 0
         local = self._inverse(points) if known else points
@@ -203,7 +203,7 @@ class Follower:
         return local
 
     def _slot_again(self) -> None:
-        """Find the slots over the same nodes, if the cells that are new have no others."""
+        """Update the slots if the new cells have no nodes outside of the present set."""
         place = self._place[self._interpolation.nodes_of(self._cells)]
         if place.min() >= 0:
             self._slot = (self._row[:, None] * len(self._nodes) + place).ravel()
@@ -216,6 +216,6 @@ class Follower:
 
 
 def gathered(slot: Ints, values: Floats, shape: tuple[int, int]) -> Floats:
-    """Return values added up by slot, as an array of a shape."""
+    """Return the sums of the values with equal slots, as an array of a given shape."""
     rows: Floats = np.bincount(slot, values.ravel(), shape[0] * shape[1]).astype(float, copy=False)
     return rows.reshape(shape)

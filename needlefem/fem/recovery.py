@@ -1,4 +1,10 @@
-"""What a displacement means in the middle of every cell: strain, volume, stress, pressure."""
+"""Strain, change of volume, stress and pressure in cells, recovered from a displacement.
+
+Near incompressibility, ``lambda div u`` of a displacement element has an error of 100 % and more,
+and for a B-bar element it is not the stress that the stiffness uses. Therefore the stress of a
+displacement element is available up to the element's limit of Poisson's ratio only. B-bar elements
+use their mean dilatation, mixed elements their pressure field.
+"""
 
 import numpy as np
 
@@ -14,14 +20,14 @@ from needlefem.materials.voigt import IN_PLANE, volumetric
 
 
 def middle(model: TissueModel) -> Floats:
-    """Return the middle of the reference cell, shape (1, dim)."""
+    """Return the centre of the reference cell, shape (1, dim)."""
     corners = model.mesh.elem().refdom.p
     centre: Floats = np.asarray(corners, dtype=float).mean(axis=1)[None]
     return centre
 
 
 class CellFields:
-    """Values of one model's displacements in the middle of its cells.
+    """Fields at the centres of a model's cells.
 
     Parameters
     ----------
@@ -35,31 +41,31 @@ class CellFields:
         )
 
     def gradient(self, u: Floats) -> Floats:
-        """Return the gradient of a displacement, shape (ncells, dim, dim)."""
+        """Return the displacement gradient, shape (ncells, dim, dim)."""
         found = np.asarray(self._basis.interpolate(u).grad)[..., 0]
         return np.moveaxis(found, 2, 0)
 
     def largest_strain(self, u: Floats) -> Floats:
-        """Return the principal strain that is largest without its sign, shape (ncells,)."""
+        """Return the principal strain with the largest absolute value, shape (ncells,)."""
         gradient = self.gradient(u)
         principal = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, 1, 2)))
         largest: Floats = np.abs(principal).max(axis=1)
         return largest
 
     def volume_ratio(self, u: Floats) -> Floats:
-        """Return ``det(I + grad u)``, shape (ncells,); negative where a cell is turned over."""
+        """Return ``det(I + grad u)``, shape (ncells,); negative in an inverted cell."""
         ratio: Floats = np.linalg.det(np.eye(self.model.dim) + self.gradient(u))
         return ratio
 
     def stress(self, u: Floats) -> Floats:
-        """Return Voigt stresses in space, shape (ncells, 6), Pa, also of plane tissue.
+        """Return Voigt stresses in 3D, shape (ncells, 6), Pa, also for plane problems.
 
         Raises
         ------
         CaseError
-            The element's stress may not be read at this Poisson's ratio.
+            The stress of the element is not accurate at this Poisson's ratio.
         SimulationError
-            Incompressible tissue, whose pressure the displacement alone does not give.
+            The tissue is incompressible: its pressure does not follow from the displacement.
         """
         model, pressure = self.model, np.zeros(0)
         if model.element.volume == MIXED:
@@ -68,9 +74,10 @@ class CellFields:
         return found if model.dim == 3 else self._in_space(found, u)
 
     def _in_space(self, plane: Floats, u: Floats) -> Floats:
-        """Add the stress across the plane, which plane strain has and plane stress has not.
+        """Return 3D stresses from plane ones: the out-of-plane stress exists in plane strain only.
 
-        ``stress = shape strain + p m`` gives p from what is in the plane, and p gives the rest.
+        ``stress = shape strain + p m`` gives p from the in-plane components, and p gives the
+        out-of-plane component.
         """
         full = np.zeros((len(plane), 6))
         full[:, IN_PLANE] = plane
@@ -99,21 +106,14 @@ class CellFields:
         Raises
         ------
         CaseError
-            The element has no pressure of its own.
+            The element has no pressure field.
         """
         if self.model.element.volume != MIXED:
             remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
-            problem = f"{self.model.element.name} has no pressure of its own"
+            problem = f"{self.model.element.name} has no pressure field"
             raise CaseError("discretisation.element", problem, remedy)
         found: Floats = -self.stress(u)[:, :3].mean(axis=1)
         return found
-
-
-# Stress where an element may be read.
-#
-# ``lambda div u`` of a displacement element is wrong by 100 % and more near incompressibility, and
-# that of a B-bar element is not its stress at all. So displacement elements are read up to their
-# limit only, B-bar elements by their mean dilatation, mixed ones by their own pressure.
 
 
 def stresses(
@@ -127,20 +127,21 @@ def stresses(
     stiffness : Stiffness
     u : array, shape (ndofs,), m
     pressure : array, shape (npressures,), Pa
-        Of mixed elements; see `Stiffness.pressure`.
+        Pressure of mixed elements; see `Stiffness.pressure`.
     reference : array, shape (n, dim)
+        Points of the reference cell.
 
     Raises
     ------
     CaseError
-        The element's stress is wrong for so nearly incompressible a law.
+        The stress of the element is not accurate at this Poisson's ratio.
     """
     element = space.element
     if stiffness.poissons_ratio > element.stress_limit:
         remedy = "use a mixed element"
         problem = (
-            f"the stress of {element.name} is wrong at Poisson's ratio "
-            f"{stiffness.poissons_ratio:.6g} (it may be read up to {element.stress_limit:g})"
+            f"the stress of {element.name} is not accurate at Poisson's ratio "
+            f"{stiffness.poissons_ratio:.6g} (it is available up to {element.stress_limit:g})"
         )
         raise CaseError("discretisation.element", problem, remedy)
     gradient = _gradient(space, u, reference)

@@ -1,7 +1,12 @@
-"""The pressure of a mixed element: continuous in a material, with a jump between two.
+"""The stiffness of a discretised tissue, with a pressure field for mixed elements.
 
-Where two laws meet the strain jumps, and with it the pressure: functions continuous across the
-interface would smear it.
+The stiffness of a mixed element is ``K = A + B' inv(C) B``. A is the resistance to a change of
+shape, B the change of volume due to a displacement, and C the compressibility of the pressure
+functions. K itself is a full matrix. Therefore the system ``[[A, B'], [B, -C]]`` is solved instead,
+which exists for incompressible tissue (C = 0) as well. All other elements have K alone.
+
+The pressure is continuous within a material and discontinuous between two. At the interface of two
+laws the strain has a jump, and so has the pressure; a continuous function would smear it.
 """
 
 from collections.abc import Sequence
@@ -24,15 +29,15 @@ from needlefem.materials.voigt import volumetric
 
 
 class Pressures:
-    """Pressures of a mixed element, numbered material by material.
+    """Pressure functions of a mixed element; each material has its own.
 
     Parameters
     ----------
     mesh : skfem.Mesh
     element : ElementType
-        A mixed one.
+        A mixed element.
     owner : array, shape (ncells,)
-        The law of every cell.
+        Number of the law of each cell.
     """
 
     def __init__(self, mesh: SkfemMesh, element: ElementType, owner: Ints) -> None:
@@ -49,7 +54,7 @@ class Pressures:
             self.cell_dofs[:, cells] = start + local
 
     def coupling(self, basis: Any) -> Sparse:
-        """Return B, shape (count, ndofs), on the displacement's basis."""
+        """Return B, shape (count, ndofs), for the basis of the displacement."""
         rows = []
         for cells, used in zip(self._parts, self._used, strict=True):
             whole = forms.coupling(basis.with_elements(cells), self._basis.with_elements(cells))
@@ -57,7 +62,7 @@ class Pressures:
         return vstack(rows).tocsr()
 
     def mass(self, weight: Floats) -> Sparse:
-        """Return the mass matrix weighted by one number a cell, shape (count, count)."""
+        """Return the mass matrix with one weight per cell, shape (count, count)."""
         blocks = []
         for cells, used in zip(self._parts, self._used, strict=True):
             whole = forms.pressure_mass(self._basis.with_elements(cells), weight[cells])
@@ -67,52 +72,44 @@ class Pressures:
         return block_array(diagonal).tocsr()
 
     def at(self, dofs: Floats, reference: Points) -> Floats:
-        """Return pressures at reference points (n, dim) of every cell, shape (ncells, n)."""
-        if self._element.pressure is None:  # `pressure_basis` has refused it already
+        """Return the pressure at reference points (n, dim) of all cells, shape (ncells, n), Pa."""
+        if self._element.pressure is None:  # `pressure_basis` has already raised the error
             raise TypeError
         shape = shape_table(self._element.pressure)(reference)
         found: Floats = np.einsum("kc,nk->cn", dofs[self.cell_dofs], shape)
         return found
 
 
-# The stiffness of a discretised tissue, with or without a pressure of its own.
-#
-# A mixed element has ``K = A + B' inv(C) B``: A resists a change of shape, B is the volume gained,
-# C the compressibility of the pressure's functions. K itself is full, so that the system
-# ``[[A, B'], [B, -C]]`` is solved instead, which exists for incompressible tissue as well
-# (C = 0). All others see K alone.
-
-
 class Stiffness:
-    """K of an element on a mesh.
+    """Stiffness of an element with given laws on a mesh.
 
     Parameters
     ----------
     space : FunctionSpace
     splits : sequence of VolumetricSplit
-        Laws in the plane or in space.
+        Laws of the materials, in the plane or in space.
     owner : array, shape (ncells,)
-        The law of every cell.
+        Number of the law of each cell.
 
     Attributes
     ----------
     law : array, shape (n, n, ncells), Pa
-        What the strain is multiplied with in every cell; without the volumetric part if that is
-        treated apart.
+        Voigt stiffness of each cell; without the volumetric part if that is integrated
+        separately.
     compressibility : array, shape (ncells,), 1/Pa
     poissons_ratio : float
-        The largest that an isotropic law of the same compressibility and shear would have.
+        The largest Poisson's ratio of isotropic laws with the same compressibility and shear.
 
     Raises
     ------
     CaseError
-        Incompressible tissue without a pressure to carry it.
+        Incompressible tissue with an element that has no pressure field.
     """
 
     def __init__(
         self, space: FunctionSpace, splits: Sequence[VolumetricSplit], owner: Ints
     ) -> None:
-        # no reference to the space: a model owns its stiffness, and both are freed together
+        # no reference to the space, which owns this object: both are freed together
         self._mesh, self._element, self._basis = space.mesh, space.element, space.basis
         self._node_of = space.node_of
         splits, owner = _different(splits, owner)
@@ -121,7 +118,7 @@ class Stiffness:
         self.compressibility: Floats = np.array([p.compressibility for p in splits])[owner]
         if self._element.definite and self.compressibility.min() == 0.0:
             remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
-            problem = f"{self._element.name} can't be incompressible"
+            problem = f"{self._element.name} can't be used for incompressible tissue"
             raise CaseError("discretisation.element", problem, remedy)
         if self._element.volume == DISPLACEMENT:
             m = volumetric(space.dim)
@@ -131,18 +128,18 @@ class Stiffness:
         self.poissons_ratio = max(part.poissons_ratio for part in splits)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: no factorisations, no matrices, no basis."""
+        """Return the state for pickling, without factorisations, matrices and basis."""
         return lasting_state(self, "_basis")
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a stiffness; its basis is made again."""
+        """Restore a stiffness; the basis is built again."""
         vars(self).update(state)
         rule = self._element.stiffness_rule
         self._basis = forms.displacement_basis(self._mesh, self._element, rule)
 
     @cached_property
     def matrix(self) -> Sparse:
-        """K, or A of a mixed element, shape (ndofs, ndofs)."""
+        """K, or A for a mixed element, shape (ndofs, ndofs)."""
         found = forms.stiffness(self._basis, self.law)
         rule = self._element.volume_rule
         if self._element.volume == BBAR and rule is not None:
@@ -152,7 +149,7 @@ class Stiffness:
 
     @cached_property
     def pressures(self) -> Pressures:
-        """The pressure of a mixed element."""
+        """The pressure functions of a mixed element."""
         return Pressures(self._mesh, self._element, self._owner)
 
     @cached_property
@@ -166,17 +163,17 @@ class Stiffness:
         return self.pressures.mass(self.compressibility)
 
     def pressure(self, u: Floats) -> Floats:
-        """Return the pressure's dofs (tension positive) that belong to displacements, Pa.
+        """Return the dofs of the pressure (tension positive) for given displacements, Pa.
 
-        Shape (npressures,), or (npressures, k) for k displacements in columns.
+        The shape is (npressures,), or (npressures, k) for k displacements in columns.
 
         Raises
         ------
         SimulationError
-            The tissue is incompressible somewhere: the displacement alone does not give it.
+            Some tissue is incompressible: the pressure does not follow from the displacement.
         """
         if self.compressibility.min() == 0.0:
-            raise SimulationError("the pressure of incompressible tissue needs its loads")
+            raise SimulationError("the pressure of incompressible tissue depends on its loads")
         found: Floats = self._volume_factor.solve(np.asarray(self.coupling @ u))
         return found
 
@@ -185,7 +182,7 @@ class Stiffness:
         return factorise(self.volume)
 
     def force(self, u: Floats) -> Floats:
-        """Return K u for displacements in columns (or one)."""
+        """Return K u for one displacement or for several in columns."""
         found: Floats = self.matrix @ u
         if not self._element.definite:
             found = found + self.coupling.T @ self.pressure(u)
@@ -194,7 +191,7 @@ class Stiffness:
     def energy(self, u: Floats) -> Floats:
         """Return the strain energy of displacements in columns, shape (k,), J (J/m in 2D).
 
-        Incompressible cells store none by their volume.
+        In incompressible cells the change of volume stores no energy.
         """
         found: Floats = 0.5 * np.einsum("ij,ij->j", u, self.matrix @ u)
         if not self._element.definite:
@@ -206,11 +203,11 @@ class Stiffness:
         return found
 
     def dense(self) -> Floats:
-        """Return K as an array (small problems)."""
+        """Return K as a dense array (for small problems)."""
         return self.force(np.eye(self._basis.N))
 
     def factor(self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None) -> Factor:
-        """Factorise ``stiffness K + mass`` on free dofs; `mass` has shape (ndofs, ndofs).
+        """Return the factor of ``stiffness K + mass`` on free dofs; mass: shape (ndofs, ndofs).
 
         Raises
         ------
@@ -232,14 +229,14 @@ class Stiffness:
     def system(
         self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None
     ) -> tuple[Sparse, float]:
-        """Return the matrix that `factor` factorises, and the unit of its pressures."""
+        """Return the matrix that `factor` factorises, and the unit of the pressure in it, Pa."""
         matrix = stiffness * self.matrix if mass is None else stiffness * self.matrix + mass
         block = matrix.tocsr()[free][:, free]
         if self._element.definite:
             return block, 1.0
         coupling = self.coupling.tocsr()[:, free]
         self._refuse_enclosed(coupling)
-        # a pressure in units that make both kinds of rows alike keeps pivots and digits
+        # this unit of the pressure gives both kinds of rows the same magnitude: better pivots
         scale = float(np.abs(block.data).mean() / np.abs(coupling.data).mean())
         volume = self.volume * (scale**2 / stiffness)
         return block_array([[block, scale * coupling.T], [scale * coupling, -volume]]), scale
@@ -253,19 +250,19 @@ class Stiffness:
             raise CaseError("supports", "incompressible tissue is enclosed on all sides", remedy)
 
     def solve(self, free: Ints, load: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Solve with prescribed displacements.
+        """Return displacement and pressure for loads and prescribed displacements.
 
         Parameters
         ----------
         free : array
-            Dofs that are solved for.
+            Dofs to be solved for.
         load : array, shape (ndofs,)
         held : array, shape (ndofs,)
             Displacement of the other dofs; zero on the free ones.
 
         Returns
         -------
-        Displacement, shape (ndofs,), and pressure, shape (npressures,), empty if there is none.
+        Displacement, shape (ndofs,), and pressure, shape (npressures,); empty without pressure.
         """
         rest = (load - self.matrix @ held)[free]
         found = held.copy()
@@ -281,7 +278,7 @@ class Stiffness:
 def _different(
     splits: Sequence[VolumetricSplit], owner: Ints
 ) -> tuple[list[VolumetricSplit], Ints]:
-    """Return the laws that differ, and the law of every cell among them."""
+    """Return the distinct laws, and for each cell the number of its law among them."""
     kept: list[VolumetricSplit] = []
     number = np.zeros(len(splits), dtype=np.intp)
     for position, part in enumerate(splits):
@@ -298,7 +295,7 @@ def _different(
 
 
 class _MixedFactor:
-    """A factorised saddle point that answers with the displacement alone."""
+    """Factor of a saddle-point matrix whose `solve` returns the displacement alone."""
 
     def __init__(self, factor: Factor, displacements: int, pressures: int, scale: float) -> None:
         self._factor, self._n, self._m, self._scale = factor, displacements, pressures, scale

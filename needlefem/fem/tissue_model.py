@@ -1,4 +1,4 @@
-"""Supports: displacement components that are held at zero on faces and in regions."""
+"""The discretised tissue with its supports: stiffness, mass and free dofs."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -31,34 +31,34 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Support(Validated):
-    """Faces and regions in which displacement components are held at zero."""
+    """Faces and regions in which displacement components are zero."""
 
     TABLE = "supports.NAME"
 
     faces: tuple[str, ...] = parameter("Named faces of the mesh", default=())
-    regions: tuple[str, ...] = parameter("Regions held as a whole, such as bone", default=())
+    regions: tuple[str, ...] = parameter("Regions fixed as a whole, such as bone", default=())
     fixed: tuple[str, ...] = parameter(
-        "Axes whose displacement is held; all when left out", default=()
+        "Axes of the fixed displacement components; all if omitted", default=()
     )
 
 
 def supported_dofs(
     space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
 ) -> Ints:
-    """Return the dofs that supports hold, rising.
+    """Return the fixed dofs of all supports in rising order.
 
     Parameters
     ----------
     space : FunctionSpace
     supports : mapping
-        By their names in the case.
+        Supports by their names in the case.
     axes : tuple of str
         Names of the axes.
 
     Raises
     ------
     CaseError
-        A face or axis that doesn't exist.
+        A face or an axis does not exist.
     """
     held = [np.zeros(0, dtype=np.intp)]
     for name, support in supports.items():
@@ -74,33 +74,30 @@ def supported_dofs(
     return np.unique(np.concatenate(held))
 
 
-# The discretised tissue: a semi-discrete system on a scikit-fem mesh.
-
-
 class TissueModel(FunctionSpace):
-    """K, M and what belongs to them; immutable, computed when first asked for.
+    """The semi-discrete tissue; its matrices are computed when they are first used.
 
     Parameters
     ----------
     mesh : skfem.Mesh
-        With named subdomains (one material each) and named boundaries.
+        With named subdomains (one material each) and named faces.
     element : ElementType
         Element of the displacement.
     materials : mapping
-        Material of every subdomain.
+        Material of each subdomain.
     supports : mapping
-        Faces and subdomains in which components are held at zero.
+        Faces and subdomains whose displacement components are zero.
     axes : sequence of str
         Names of the axes.
     plane : str
         Plane 'strain' or plane 'stress' (2D only).
     floating : bool
-        Rigid motions may be free, for modes and dynamics.
+        Whether rigid motions are allowed, for vibration modes and dynamics.
 
     Raises
     ------
     CaseError
-        A face or axis that doesn't exist, or rigid motions that no support stops.
+        A face or axis does not exist, or the supports leave a rigid motion free.
     """
 
     def __init__(
@@ -127,28 +124,28 @@ class TissueModel(FunctionSpace):
         rank = np.linalg.matrix_rank(motions[self.held_dofs]) if len(self.held_dofs) else 0
         free = motions.shape[1] - int(rank)
         if free:
-            problem = f"{free} rigid motions of the tissue are free"
-            raise CaseError("supports", problem, "hold more faces or more axes")
+            problem = f"the supports leave {free} rigid motions of the tissue free"
+            raise CaseError("supports", problem, "fix more faces or more axes")
 
     @cached_property
     def cell_materials(self) -> Ints:
-        """Number of every cell's material, in the order of `materials`, shape (ncells,)."""
+        """Number of each cell's material in the order of `materials`, shape (ncells,)."""
         owner = np.full(self.mesh.nelements, -1)
         for number, name in enumerate(self.materials):
             owner[self.mesh.subdomains[name]] = number
         return owner
 
     def per_cell(self, values: Mapping[str, float]) -> Floats:
-        """Spread one number per subdomain over the cells, shape (ncells,)."""
+        """Return one value per subdomain as a field of cells, shape (ncells,)."""
         table = np.array([values[name] for name in self.materials])
         spread: Floats = table[self.cell_materials]
         return spread
 
     def per_node(self, values: Mapping[str, float]) -> Floats:
-        """Return a field that is linear in every cell and continuous, shape (nnodes,).
+        """Return one value per subdomain as a continuous nodal field, shape (nnodes,).
 
-        One number per subdomain, averaged at the vertices by cell measure: a needle that crosses
-        an interface sees no jump.
+        At a vertex the values are averaged with the measures of the cells. The field is linear in
+        each cell, so that a needle that crosses an interface meets no jump.
         """
         if len(set(values.values())) == 1:
             return np.full(self.nnodes, next(iter(values.values())))
@@ -165,11 +162,11 @@ class TissueModel(FunctionSpace):
 
     @cached_property
     def stiffness(self) -> Stiffness:
-        """K of the whole tissue, supported or not."""
+        """K of all dofs, fixed dofs included."""
         return Stiffness(self, [part for part, _ in self.laws()], self.cell_materials)
 
     def laws(self) -> list[tuple[VolumetricSplit, float]]:
-        """Return law and density of every subdomain, in the order of `materials`."""
+        """Return law and density of each subdomain in the order of `materials`."""
         return [
             (
                 volumetric_split(law) if self.dim == 3 else plane_volumetric_split(law, self.plane),
@@ -180,7 +177,7 @@ class TissueModel(FunctionSpace):
 
     @cached_property
     def branches(self) -> tuple[tuple[float, Sparse], ...]:
-        """Relaxation times (s) of viscoelastic tissue, each with the stiffness that relaxes.
+        """Relaxation times (s) of viscoelastic branches with their stiffness matrices.
 
         Matrices of shape (ndofs, ndofs); empty for elastic tissue.
         """
@@ -202,23 +199,23 @@ class TissueModel(FunctionSpace):
         Raises
         ------
         CaseError
-            There is no such face.
+            The face does not exist.
         """
         facets = self.face(face, "face")
         return forms.traction_load(self.mesh, self.element, facets, lambda x, _: traction(x))
 
     @cached_property
     def density(self) -> Floats:
-        """Density of every cell, shape (ncells,), kg/m^3."""
+        """Density of each cell, shape (ncells,), kg/m^3."""
         return self.per_cell({name: m.density for name, m in self.materials.items()})
 
     @cached_property
     def mass(self) -> Sparse:
-        """Consistent M, shape (ndofs, ndofs), kg (per metre of thickness in 2D)."""
+        """Consistent mass matrix, shape (ndofs, ndofs), kg (per metre of thickness in 2D)."""
         return forms.mass(self._mass_basis, self.density)
 
     def lumped_mass(self, scheme: str) -> Floats:
-        """Diagonal of the lumped M, shape (ndofs,); see `forms.lumped_mass`."""
+        """Diagonal of the lumped mass matrix, shape (ndofs,); see `forms.lumped_mass`."""
         return forms.lumped_mass(self._mass_basis, self.density, scheme, self.element)
 
     @cached_property
@@ -226,7 +223,7 @@ class TissueModel(FunctionSpace):
         return forms.displacement_basis(self.mesh, self.element, self.element.mass_rule)
 
     def free_block(self, matrix: Sparse) -> Sparse:
-        """Return rows and columns of the free dofs."""
+        """Return the rows and columns of the free dofs."""
         return matrix[self.free_dofs][:, self.free_dofs]
 
     @cached_property
@@ -235,7 +232,7 @@ class TissueModel(FunctionSpace):
         return self.stiffness.factor(self.free_dofs)
 
     def solve(self, loads: Floats) -> Floats:
-        """Return displacements for loads on all dofs, shape (ndofs,) or (ndofs, k)."""
+        """Return displacements for loads on all dofs, both of shape (ndofs,) or (ndofs, k)."""
         found = np.zeros_like(loads)
         found[self.free_dofs] = self.factor.solve(np.ascontiguousarray(loads[self.free_dofs]))
         return found

@@ -1,9 +1,10 @@
-"""Displacements of a finer tissue by conjugate gradients that a coarser tissue's factor helps.
+"""Displacements on a refined mesh by conjugate gradients, preconditioned by a coarser mesh.
 
-What the coarser tissue leaves of a load is short-waved: its factor, and the diagonal of the
-finer stiffness, bring the equations' condition down to a number that does not grow with the
-mesh (J. Xu, SIAM Review 34, 1992). A few dozen iterations then replace the factorisation of
-the finer tissue, which costs several times that of the coarser one.
+The preconditioner adds the factor of the coarser tissue and the inverse diagonal of the finer
+stiffness. The factor reduces the smooth part of the residual, the diagonal its oscillating part.
+The condition number of the preconditioned system does not grow with the number of elements (J. Xu,
+SIAM Review 34, 1992). Some tens of iterations replace the factorisation of the finer tissue, which
+would cost several times that of the coarser one.
 """
 
 import numpy as np
@@ -14,17 +15,17 @@ from needlefem._arrays import Floats, Sparse
 from needlefem.fem.tissue_model import TissueModel
 
 LEFT = 1e-2
-"""Share of what the coarser tissue leaves of the load that is left at the end."""
+"""Residual at the end, relative to the residual of the coarser solution."""
 MOST_ITERATIONS = 200
 
 
 class TwoLevelSolver:
-    """A finer tissue beside a coarser one of the same laws and supports.
+    """A two-level solver for a finer and a coarser tissue with the same laws and supports.
 
     Parameters
     ----------
     finer, coarser : TissueModel
-        Of elements without a pressure of their own.
+        Tissues whose elements have no pressure field.
     """
 
     def __init__(self, finer: TissueModel, coarser: TissueModel) -> None:
@@ -59,13 +60,13 @@ class TwoLevelSolver:
         return smoothed
 
     def _coarse(self, load: Floats) -> Floats:
-        """Return the coarser tissue's displacement under a load, both on all finer dofs."""
+        """Return the coarser tissue's displacement for a load, both on the finer dofs."""
         found: Floats = self._spread @ self._coarser.factor.solve(self._gather @ load)
         return found
 
 
 def _spread(finer: TissueModel, coarser: TissueModel) -> Sparse:
-    """Return the coarser free dofs' weights in the finer dofs, none in those that are held."""
+    """Return the interpolation from the coarser free dofs to the finer dofs, 0 in fixed ones."""
     cells, reference = coarser.interpolation.locator.find(finer.nodes)
     inside = np.flatnonzero(cells >= 0)
     number = np.full(coarser.ndofs, -1)

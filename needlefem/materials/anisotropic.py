@@ -1,4 +1,4 @@
-"""Linear elasticity of tissue with directions: fibres, layers."""
+"""Linear elasticity with preferred directions: fibres and layers."""
 
 import dataclasses
 
@@ -13,7 +13,7 @@ from needlefem.validation import parameter
 def _orthotropic(moduli: Floats, ratios: Floats, shears: Floats) -> Floats:
     """Return the compliance from (E1, E2, E3), (nu12, nu13, nu23) and (G23, G13, G12).
 
-    ``nu_ij``: contraction along j when pulled along i (S. G. Lekhnitskii 1963).
+    ``nu_ij`` is the contraction along j under tension along i (S. G. Lekhnitskii 1963).
     """
     found = np.diag(np.concatenate([1.0 / moduli, 1.0 / shears]))
     for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), ratios, strict=True):
@@ -23,7 +23,7 @@ def _orthotropic(moduli: Floats, ratios: Floats, shears: Floats) -> Floats:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TransverselyIsotropic(LinearElastic):
-    """One direction differs, all across it are alike: muscle, tendon, layered phantoms."""
+    """Transversely isotropic law with one fibre direction: muscle, tendon, layered phantoms."""
 
     modulus_along: float = parameter("Young's modulus along the fibre", "pressure", low=0.0)
     modulus_across: float = parameter("Young's modulus across the fibre", "pressure", low=0.0)
@@ -43,7 +43,7 @@ class TransverselyIsotropic(LinearElastic):
     density: float = parameter("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
 
     def check(self) -> None:
-        """See `needlefem.validation.Validated`: a law that releases energy is refused."""
+        """See `needlefem.validation.Validated`; a law with negative strain energy is an error."""
         split_compliance(self.compliance())
 
     def compliance(self) -> Floats:
@@ -59,7 +59,7 @@ class TransverselyIsotropic(LinearElastic):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Orthotropic(LinearElastic):
-    """Three directions at right angles, each with its own stiffness."""
+    """Orthotropic law: three perpendicular directions with different stiffness."""
 
     modulus_1: float = parameter("Young's modulus along axis 1", "pressure", low=0.0)
     modulus_2: float = parameter("Young's modulus along axis 2", "pressure", low=0.0)
@@ -77,7 +77,7 @@ class Orthotropic(LinearElastic):
     density: float = parameter("Mass per volume", "density", default=1000.0, low=0.0, closed=True)
 
     def check(self) -> None:
-        """See `needlefem.validation.Validated`: a law that releases energy is refused."""
+        """See `needlefem.validation.Validated`; a law with negative strain energy is an error."""
         split_compliance(self.compliance())
 
     def compliance(self) -> Floats:

@@ -1,4 +1,4 @@
-"""What a constitutive law is to the rest of the package."""
+"""The interface of a constitutive law."""
 
 import dataclasses
 from typing import Any, Protocol, runtime_checkable
@@ -8,19 +8,19 @@ from needlefem._arrays import Floats
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MaterialResponse:
-    """What a law answers to a displacement gradient.
+    """Stress, tangent and energy of a law for a displacement gradient.
 
     Parameters
     ----------
     stress : array, shape (..., 3, 3), Pa
-        First Piola-Kirchhoff stress, the one that the weak form contracts with ``grad v``; at
-        small strain simply the stress.
+        First Piola-Kirchhoff stress, which the weak form contracts with ``grad v``; at small
+        strain it equals the Cauchy stress.
     tangent : array, shape (..., 3, 3, 3, 3), Pa
-        Derivative of the stress by the gradient.
+        Derivative of the stress with respect to the gradient.
     energy : array, shape (...,), J/m^3
-        Stored energy, whose derivative by the gradient is the stress of an elastic law.
+        Stored energy. For an elastic law its derivative with respect to the gradient is the stress.
     state : object
-        Internal variables at the end of the step; None for a law without any.
+        Internal variables at the end of the step; None for a law without internal variables.
     """
 
     stress: Floats
@@ -31,10 +31,10 @@ class MaterialResponse:
 
 @runtime_checkable
 class Material(Protocol):
-    """A constitutive law: always in three dimensions, plane problems are made from it.
+    """A constitutive law in three dimensions; plane laws are derived from it.
 
-    A frozen dataclass whose fields are declared with `needlefem.validation.parameter` can be in a
-    case. Linear laws are easiest written as a `LinearElastic`.
+    A frozen dataclass whose fields are declared with `needlefem.validation.parameter` can be used
+    in a case. For linear laws, `LinearElastic` is the simplest base class.
     """
 
     @property
@@ -43,16 +43,16 @@ class Material(Protocol):
         ...
 
     def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
-        """Answer a displacement gradient.
+        """Return the response to a displacement gradient.
 
         Parameters
         ----------
         gradient : array, shape (..., 3, 3)
             ``du_i / dX_j``; the deformation gradient is ``I + gradient``.
         state : object
-            Internal variables at the start of the step; None in the virgin tissue.
+            Internal variables at the start of the step; None in tissue that was never deformed.
         step : float, s
-            Duration of the step, over which the strain changes evenly: 0 is at once, infinity
-            leaves time to relax. Only laws with a memory depend on it.
+            Duration of the step, in which the strain changes linearly. 0 is a sudden change;
+            infinity leaves time for complete relaxation. Elastic laws do not depend on it.
         """
         ...

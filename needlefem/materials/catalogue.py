@@ -1,4 +1,4 @@
-"""Named tissues: a table of laws with value, range and source."""
+"""The laws that a case can name, and the library of named tissues with values and sources."""
 
 import dataclasses
 import tomllib
@@ -14,23 +14,23 @@ from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import ParameterInfo, parameter_info, validate
 
 NOTES = ("range", "source", "note")
-"""What an entry says beside the keys of its law."""
+"""Keys of an entry in the library that are not constants of its law."""
 
 
 @cache
 def library() -> dict[str, dict[str, Any]]:
-    """Return all entries of the library, as read from ``tissues.toml``."""
+    """Return all entries of the library ``tissues.toml``."""
     text = (resources.files("needlefem.materials") / "tissues.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
 
 def tissue_table(name: str, key: str) -> dict[str, Any]:
-    """Return the keys of a named tissue's law, as a case would write them.
+    """Return the keys of a named tissue's law as they would be written in a case.
 
     Raises
     ------
     CaseError
-        There is no tissue of that name; the nearest is named.
+        The tissue does not exist; the message gives the most similar name.
     """
     if name not in library():
         raise CaseError(key, f"no tissue '{name}'", nearest(name, library()))
@@ -50,9 +50,6 @@ def describe_tissues() -> str:
     return "\n".join(rows) + "\n"
 
 
-# The laws that a case can name.
-
-
 HOMES = {
     "isotropic": "linear_elastic:Isotropic",
     "transversely-isotropic": "anisotropic:TransverselyIsotropic",
@@ -62,7 +59,7 @@ HOMES = {
 
 
 class _Laws(Mapping[str, type]):
-    """The laws by their names in a case, imported when asked for."""
+    """The laws by their names in a case; a law is imported when it is first used."""
 
     def __getitem__(self, name: str) -> type:
         module, law = HOMES[name].split(":")
@@ -80,12 +77,12 @@ LAWS = _Laws()
 
 
 def law_class(name: str, key: str) -> type:
-    """Return the dataclass of a law: of the catalogue, or of the user's (``module:Class``).
+    """Return the dataclass of a law of the catalogue or of the user (``module:Class``).
 
     Raises
     ------
     CaseError
-        There is none of that name (the nearest is named), or it is no dataclass.
+        The name does not exist (the most similar one is given), or the class is no dataclass.
     """
     if not _plugin.is_foreign(name):
         known = matching(name, LAWS)
@@ -98,24 +95,24 @@ def law_class(name: str, key: str) -> type:
     return found
 
 
-# A law with constants that are good enough to try it.
+# Laws with example constants, for checks.
 
 
 STAND_INS = {"pressure": 10e3, "time": 1.0}
-"""Taken for constants without a default, by dimension, SI."""
+"""Example values of constants without a default, by dimension, SI."""
 RATIO = 0.3
-"""Taken for those of any other dimension or none."""
+"""Example value of constants of any other dimension."""
 
 
 def example(name: str, settings: Mapping[str, str], key: str = "--material") -> Any:
-    """Return a law of the catalogue, or of the user's, with stand-in constants.
+    """Return a law of the catalogue or of the user with example constants.
 
     Parameters
     ----------
     name : str
         Such as ``"isotropic"`` or ``"my_tissue:MyMaterial"``.
     settings : mapping
-        Constants to replace, as in a case: ``{"youngs_modulus": "3 kPa"}``.
+        Constants to be replaced, as in a case: ``{"youngs_modulus": "3 kPa"}``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Linear elasticity: a law is its compliance."""
+"""Linear elastic laws: each is defined by its compliance."""
 
 import abc
 import dataclasses
@@ -17,9 +17,9 @@ from needlefem.validation import Validated, parameter
 
 
 class LinearElastic(Validated, abc.ABC):
-    """A linear law at small strain; a subclass gives its compliance and its density.
+    """A linear law at small strain; a subclass defines its compliance and its density.
 
-    One with a memory also gives its branches; the compliance is then that of relaxed tissue.
+    A viscoelastic law defines its branches as well; the compliance is then that of relaxed tissue.
     """
 
     TABLE = "material"
@@ -27,10 +27,10 @@ class LinearElastic(Validated, abc.ABC):
 
     @abc.abstractmethod
     def compliance(self) -> Floats:
-        """Return S, shape (6, 6), 1/Pa: Voigt strain (engineering shear) of a Voigt stress."""
+        """Return S, shape (6, 6), 1/Pa: Voigt strain (engineering shear) per Voigt stress."""
 
     def branches(self) -> tuple[Branch, ...]:
-        """Return the Maxwell branches beside the compliance's spring; none: an elastic law."""
+        """Return the Maxwell branches parallel to the spring of the compliance; none if elastic."""
         return ()
 
     def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
@@ -39,12 +39,14 @@ class LinearElastic(Validated, abc.ABC):
         Raises
         ------
         CaseError
-            The law is incompressible: its pressure is no function of the strain.
+            The law is incompressible: its stress does not follow from the strain.
         """
         parts = split_compliance(self.compliance())
         if parts.compressibility == 0.0:
-            remedy = "ask for its split, or lower Poisson's ratio"
-            raise CaseError("material", "incompressible: strain does not give its stress", remedy)
+            remedy = "use its volumetric split, or lower Poisson's ratio"
+            raise CaseError(
+                "material", "incompressible: the stress does not follow from the strain", remedy
+            )
         strain = voigt.strain(gradient)
         before = MaxwellState.virgin(strain, len(self.branches())) if state is None else state
         after = before.advanced(strain, step, self.branches())
@@ -66,18 +68,18 @@ class LinearElastic(Validated, abc.ABC):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MaxwellState:
-    """What a viscoelastic law remembers: strain, and strain of every branch's spring (..., 6)."""
+    """State of a viscoelastic law: the strain, and the spring strain of each branch (..., 6)."""
 
     strain: Floats
     parts: tuple[Floats, ...]
 
     @classmethod
     def virgin(cls, like: Floats, branches: int) -> "MaxwellState":
-        """Return the memory of tissue that was never deformed."""
+        """Return the state of tissue that was never deformed."""
         return cls(np.zeros_like(like), (np.zeros_like(like),) * branches)
 
     def advanced(self, strain: Floats, step: float, branches: Sequence[Branch]) -> "MaxwellState":
-        """Return the memory after a step that ends at a strain."""
+        """Return the state after a step that ends at a given strain."""
         change = strain - self.strain
         parts = [
             relaxation_factor(step, branch.time) * part + load_factor(step, branch.time) * change
@@ -89,8 +91,8 @@ class MaxwellState:
 def local_axes(first: Floats, second: Floats | None = None) -> Floats:
     """Return orthonormal material axes as rows, shape (3, 3), from one or two directions.
 
-    Directions of a plane problem have two components. Without a second direction (a law that is
-    the same all around the first) any is taken.
+    Directions of a plane problem have two components. Without a second direction (for a law that
+    is isotropic across the first) an arbitrary one is used.
     """
     one = _unit(first)
     guess = np.eye(3)[int(np.argmin(np.abs(one)))] if second is None else _padded(second)
@@ -116,7 +118,7 @@ def _unit(direction: Floats) -> Floats:
 
 
 def turned(compliance: Floats, axes: Floats) -> Floats:
-    """Return a compliance given in local axes (rows) in the axes of the space."""
+    """Return a compliance in the global axes, given in local axes (rows of `axes`)."""
     turn = voigt.rotation(axes)
     found: Floats = turn.T @ compliance @ turn
     return found

@@ -1,8 +1,8 @@
-"""Whether a law is the linear one that the package solves, found from what the law answers.
+"""Check that a constitutive law is linear, from its response.
 
-The needle is solved on a constant stiffness, made from a law's compliance or from its tangent at
-rest. A law whose stress is not proportional to the displacement gradient, or whose memory is in
-no branch, would silently be replaced by its linearisation.
+The simulation of a needle uses a constant stiffness that is made from the compliance of the law or
+from its tangent at zero strain. Without this check, a law with a nonlinear stress, or with internal
+variables that are not Maxwell branches, would be replaced by its linearisation without a message.
 """
 
 import math
@@ -18,13 +18,13 @@ from needlefem.materials.relaxation import HasBranches
 from needlefem.materials.volumetric_split import HasCompliance
 
 AMPLITUDES = (1e-3, 0.03, 0.3)
-"""Displacement gradients of the trials: small, as in organs under a needle, and as at its tip."""
+"""Displacement gradients of the check: small, as in whole organs, and large, as at the tip."""
 SAME = 1e-6
-"""Relative difference of stresses up to which a law counts as linear: round-off, no physics."""
+"""Relative difference of stresses that is attributed to round-off."""
 
 
 def refuse_nonlinear(material: Material, key: str) -> None:
-    """Raise a `CaseError` for a law that would be solved as another one.
+    """Raise a `CaseError` for a law that is not linear.
 
     Parameters
     ----------
@@ -35,17 +35,17 @@ def refuse_nonlinear(material: Material, key: str) -> None:
     Raises
     ------
     CaseError
-        The stress is not proportional to the displacement gradient, the compliance is that of
-        another law than the stress, or the law remembers without having branches.
+        The stress is not proportional to the displacement gradient, the compliance does not agree
+        with the stress, or the law has internal variables but no branches.
     """
     if isinstance(material, LinearElastic) and type(material).respond is LinearElastic.respond:
-        return  # its stress is made from its compliance
+        return  # the stress is computed from the compliance
     name = type(material).__name__
     try:
         rest = material.respond(np.zeros((3, 3)), None, math.inf)
     except CaseError:
         if isinstance(material, HasCompliance):
-            return  # incompressible: its stress does not follow from the strain
+            return  # incompressible: the stress does not follow from the strain
         raise
     tangent = np.asarray(rest.tangent, dtype=float)
     scale = float(np.abs(tangent).max())
@@ -53,17 +53,17 @@ def refuse_nonlinear(material: Material, key: str) -> None:
         stress = np.asarray(material.respond(gradient, None, math.inf).stress, dtype=float)
         linear = np.tensordot(tangent, gradient, axes=2)
         if not np.abs(stress - linear).max() <= SAME * scale * np.abs(gradient).max():
-            problem = f"{name} is not linear, and only linear laws are solved with a needle so far"
+            problem = f"{name} is not linear; a needle can be simulated with linear laws only"
             raise CaseError(key, problem, "give a linear law (verify --material checks any law)")
     if rest.state is not None and not isinstance(material, HasBranches):
-        problem = f"{name} has a memory, but no branches(), by which tissue with a needle relaxes"
-        raise CaseError(key, problem, "derive it from LinearElastic and give its branches")
+        problem = f"{name} has internal variables, but no branches(), which relaxation needs"
+        raise CaseError(key, problem, "derive it from LinearElastic and define its branches")
     if isinstance(material, HasCompliance):
         _compare(material.compliance(), tangent, name, key)
 
 
 def _trials() -> Floats:
-    """Return displacement gradients, shape (n, 3, 3): stretch, pressure, shear and all at once."""
+    """Return displacement gradients, shape (n, 3, 3): stretch, volume, shear, and their sum."""
     stretch, shear = np.zeros((2, 3, 3))
     stretch[0, 0] = shear[0, 1] = 1.0
     mixed = np.array([[0.4, -0.7, 0.2], [0.9, -0.6, 0.5], [-0.3, 0.8, 1.0]])
@@ -73,8 +73,8 @@ def _trials() -> Floats:
 
 
 def _compare(compliance: Floats, tangent: Floats, name: str, key: str) -> None:
-    """Refuse a compliance that is not the inverse of the tangent."""
+    """Raise an error for a compliance that is not the inverse of the tangent."""
     product = compliance @ voigt.tangent_matrix(tangent)
     if not np.abs(product - np.eye(len(product))).max() <= SAME:
         problem = f"{name}.compliance() and {name}.respond() are not the same law"
-        raise CaseError(key, problem, "derive respond() from the compliance, or leave it out")
+        raise CaseError(key, problem, "derive respond() from the compliance, or omit it")

@@ -1,4 +1,4 @@
-"""Isotropic linear viscoelasticity: the resistance to a change of shape relaxes."""
+"""Isotropic linear viscoelasticity with relaxation of the shear modulus."""
 
 import dataclasses
 
@@ -23,9 +23,9 @@ def deviator() -> Floats:
 class Viscoelastic(Isotropic):
     """Generalised Maxwell solid, isotropic at small strain (J. C. Maxwell 1867, E. Wiechert 1889).
 
-    ``G(t) = G (1 + sum of r_i exp(-t / T_i))``, with ``r_i = g_i / (1 - sum of g)``: Young's
-    modulus and Poisson's ratio are those of the relaxed tissue, `shares` g_i are fractions of the
-    shear modulus at once (a Prony series as other codes have it). Volume is elastic.
+    ``G(t) = G (1 + sum of r_i exp(-t / T_i))``, with ``r_i = g_i / (1 - sum of g)``. Young's
+    modulus and Poisson's ratio are those of the relaxed tissue; `shares` g_i are fractions of the
+    instantaneous shear modulus (the Prony series of other programs). The bulk modulus is constant.
     """
 
     shares: tuple[float, ...] = parameter(
@@ -39,10 +39,10 @@ class Viscoelastic(Isotropic):
         """See `needlefem.validation.Validated`."""
         if len(self.shares) != len(self.times):
             problem = f"{len(self.shares)} shares and {len(self.times)} times"
-            raise CaseError("material", problem, "give one of each to every branch")
+            raise CaseError("material", problem, "give one share and one time per branch")
         if sum(self.shares) >= 1.0:
             problem = f"shares add up to {sum(self.shares):g}"
-            raise CaseError("material", problem, "leave some stiffness: keep them below 1")
+            raise CaseError("material", problem, "keep the sum below 1")
 
     def branches(self) -> tuple[Branch, ...]:
         """See `needlefem.materials.relaxation.HasBranches`."""
@@ -59,7 +59,7 @@ class Viscoelastic(Isotropic):
         return found
 
     def shear_modulus(self, time: float) -> float:
-        """Return the shear modulus that is left at a time after a sudden strain, Pa."""
+        """Return the relaxed shear modulus at a time (s) after a sudden strain, Pa."""
         left = np.exp(-time / np.array(self.times))
         return float(self.lame()[1] + self._moduli @ left)
 

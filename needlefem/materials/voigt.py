@@ -1,7 +1,7 @@
-"""Voigt's notation: stresses and strains as six numbers, in the order 11, 22, 33, 23, 13, 12.
+"""Voigt notation: stresses and strains as six numbers, in the order 11, 22, 33, 23, 13, 12.
 
-Shear strains are engineering strains, twice the tensor's components, so that stress times strain
-is an energy.
+Shear strains are engineering strains (twice the tensor components), so that the product of stress
+and strain is an energy density.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from needlefem._arrays import Floats
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 IN_PLANE = (0, 1, 5)
-"""The components that a plane problem keeps."""
+"""The components of a plane problem."""
 
 
 def volumetric(dim: int = 3) -> Floats:

@@ -103,14 +103,17 @@ def test_mistakes_end_with_2_and_one_line(
     [
         ('target.point=["9 cm", "3 cm"]', "is outside the tissue"),
         ('motion.entry=["1.5 cm", "1 cm"]', "a plan chooses the entry"),
-        ("supports.walls.faces=[]", "3 rigid motions of the tissue are free"),
+        ("supports.walls.faces=[]", "leave 3 rigid motions of the tissue free"),
         ('regions.prostate.offset=["1 cm", "2 cm"]', "the contour leaves the mesh"),
         ("mesh.divisions=[1, 1]", "no mesh cell lies in the contour"),
         ("motion.direction=[1.0, 0.0]", "is held by a support"),
-        ("materials.fat.poissons_ratio=0.5", "P1 can't be incompressible; use a mixed element"),
+        (
+            "materials.fat.poissons_ratio=0.5",
+            "P1 can't be used for incompressible tissue; use a mixed element",
+        ),
         (
             "discretisation.element=Q1",
-            "Q1 does not live on triangles; use a mesh of quadrilaterals",
+            "Q1 is not defined on triangles; use a mesh of quadrilaterals",
         ),
         ("tissue.plane=strian", "tissue.plane: 'strian' is not known; one of strain, stress"),
     ],

@@ -95,7 +95,7 @@ def test_products_are_those_of_the_matrices(element: str) -> None:
 
 def test_a_tissue_without_mass_has_no_dynamics() -> None:
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=0.0)
-    with pytest.raises(CaseError, match="without density has no dynamics"):
+    with pytest.raises(CaseError, match="has no density, which inertia needs"):
         TissueSystem(rectangle(CATALOGUE["P1"], law, 2))
 
 

@@ -30,9 +30,9 @@ def test_limits_of_a_step() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"shares": (0.4, 0.2)}, "2 shares and 1 times; give one of each"),
+        ({"shares": (0.4, 0.2)}, "2 shares and 1 times; give one share and one time"),
         ({"shares": (1.0,)}, "material.shares: 1 is out of range; it must be above 0 and below 1"),
-        ({"shares": (0.6, 0.4), "times": (2.0, 9.0)}, "shares add up to 1; leave some stiffness"),
+        ({"shares": (0.6, 0.4), "times": (2.0, 9.0)}, "shares add up to 1; keep the sum below 1"),
     ],
 )
 def test_wrong_series_are_answered(changes: dict[str, object], message: str) -> None:
@@ -56,7 +56,7 @@ def test_what_can_not_relax_is_refused() -> None:
         def branches(self) -> tuple[Branch, ...]:
             return (Branch(1.0, np.eye(6)),)
 
-    with pytest.raises(CaseError, match="changes of shape alone"):
+    with pytest.raises(CaseError, match="resistance to a change of shape may relax"):
         branches_of(Squeezed(youngs_modulus=1.0, poissons_ratio=0.3), 2, "strain")
 
 

@@ -71,5 +71,5 @@ def test_unstable_parameters_are_refused() -> None:
 
 def test_tissue_without_mass_is_refused(gel: Scene) -> None:
     model = build_model(vary(gel, {"materials.gel.density": 0.0}))
-    with pytest.raises(CaseError, match="without density has no dynamics"):
+    with pytest.raises(CaseError, match="has no density, which inertia needs"):
         TissueSystem(model)

@@ -67,7 +67,9 @@ def test_shape_part_of_isotropic_tissue_is_twice_the_shear_modulus(nu: float) ->
 
 
 def test_incompressible_stress_is_refused() -> None:
-    with pytest.raises(CaseError, match="strain does not give its stress|incompressible"):
+    with pytest.raises(
+        CaseError, match="the stress does not follow from the strain|incompressible"
+    ):
         Isotropic(youngs_modulus=1.0, poissons_ratio=0.5).respond(np.zeros((3, 3)))
 
 
@@ -122,7 +124,7 @@ def test_anisotropic_laws_contain_the_isotropic_one() -> None:
     ],
 )
 def test_unstable_constants_are_refused(make: Callable[[], LinearElastic]) -> None:
-    with pytest.raises(CaseError, match="some strain would release energy"):
+    with pytest.raises(CaseError, match="the strain energy is negative for some strain"):
         make()
 
 

@@ -103,7 +103,7 @@ def test_cells_of_a_uniform_strain(gel: Scene) -> None:
         if name == "P2-P1":
             np.testing.assert_allclose(cells.pressure(u), -s.mean(), rtol=1e-9)
         else:
-            with pytest.raises(CaseError, match="has no pressure of its own; use a mixed element"):
+            with pytest.raises(CaseError, match="has no pressure field; use a mixed element"):
                 cells.pressure(u)
 
 
@@ -253,7 +253,7 @@ def test_command_carries_a_plan_out(tmp_path: Path) -> None:
         (["--out", "x.bmp"], "use .png, .webp, .jpg"),
         (["--field", "strian"], "did you mean 'strain'?"),
         (["--size", "big"], "write width x height"),
-        (["--field", "pressure", "--out", "x.png"], "P1 has no pressure of its own"),
+        (["--field", "pressure", "--out", "x.png"], "P1 has no pressure field"),
         (["--time", "3", "--out", "x.png"], "--time: '3' has no unit"),
     ],
 )

@@ -60,13 +60,15 @@ def test_with_element_gives_its_cells(gel: Scene, name: str) -> None:
 
 
 def test_wrong_cells_are_refused_with_the_cure(gel: Scene) -> None:
-    with pytest.raises(CaseError, match="Q1 does not live on triangles; use a mesh of quadril"):
+    with pytest.raises(CaseError, match="Q1 is not defined on triangles; use a mesh of quadril"):
         build_model(vary(gel, {"discretisation.element": "Q1"}))
 
 
 def test_incompressible_tissue_needs_a_pressure(gel: Scene) -> None:
     scene = vary(gel, {"materials.gel.poissons_ratio": 0.5, "discretisation.element": "P2"})
-    with pytest.raises(CaseError, match="P2 can't be incompressible; use a mixed element"):
+    with pytest.raises(
+        CaseError, match="P2 can't be used for incompressible tissue; use a mixed element"
+    ):
         Simulation(scene).model.factor  # noqa: B018
 
 
