@@ -12,7 +12,7 @@ from needlefem.insertion import Simulation
 from needlefem.materials import Isotropic
 from needlefem.scene import (
     BoxMesh,
-    Discretisation,
+    Discretization,
     Motion,
     Needle,
     Region,
@@ -40,10 +40,10 @@ def gel() -> Scene:
         axes=("y", "z"),
         mesh=BoxMesh(size=(0.06, 0.06), divisions=(20, 20)),
         materials={"gel": Isotropic(youngs_modulus=30e3, poissons_ratio=0.45)},
-        background="gel",
+        default_material="gel",
         regions={},
         supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element="P1", path_spacing=1e-3),
+        discretization=Discretization(element="P1", path_spacing=1e-3),
         needle=Needle(tip_radius=2e-3, cutting_force=50.0, shaft_friction=10e3),
         motion=Motion(direction=(0.0, 1.0), max_depth=0.03),
         target=(0.0287, 0.02),
@@ -73,7 +73,7 @@ def popping(organ: Scene) -> Scene:
     return vary(
         organ,
         {
-            "discretisation.element": "P2",
+            "discretization.element": "P2",
             "needle.cutting_force": 260.0,
             "needle.shaft_friction": 2e3,
             "regions.organ.cutting_force": 20.0,

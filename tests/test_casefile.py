@@ -22,10 +22,15 @@ def test_the_paper_case_is_read(paper_scene: Scene) -> None:
 
 
 def test_overrides_are_parsed_and_recorded() -> None:
-    scene = load_case(PAPER_CASE, ["needle.tip_radius=1 mm", "discretisation.kernel_points=96"])
+    scene = load_case(
+        PAPER_CASE, ["needle.tip_radius=1 mm", "discretization.tip_quadrature_points=96"]
+    )
     assert scene.needle.tip_radius == pytest.approx(1e-3)
-    assert scene.discretisation.kernel_points == 96
-    assert scene.overrides == {"needle.tip_radius": "1 mm", "discretisation.kernel_points": 96}
+    assert scene.discretization.tip_quadrature_points == 96
+    assert scene.overrides == {
+        "needle.tip_radius": "1 mm",
+        "discretization.tip_quadrature_points": 96,
+    }
 
 
 @pytest.mark.parametrize(
@@ -39,14 +44,14 @@ def test_overrides_are_parsed_and_recorded() -> None:
         ("materials.fat.poissons_ratio=0.51", "0.51 is out of range"),
         ("materials.fat.poissons_ratio=true", "True is not a number"),
         ('materials.fat.law="isotropc"', "did you mean 'isotropic'?"),
-        ('tissue.background="fatt"', "did you mean 'fat'?"),
+        ('tissue.default_material="fatt"', "did you mean 'fat'?"),
         ('regions.prostate.contour="other.csv"', "can't read"),
         ("motion.direction=[0, 0]", "not all zero"),
         ('mesh.size=["7 cm"]', "mesh.size: 1 edge lengths, 2 divisions"),
         ("mesh.size=[1, 1]", "mesh.size: 1 has no unit"),
         ('target.point=["1 cm"]', "write 2 lengths"),
         ('needle.tip="round"', "one of disc, point"),
-        ('planning.height_range=["1 mm", "-1 mm"]', "swap the ends"),
+        ('planning.offset_range=["1 mm", "-1 mm"]', "swap the ends"),
         ("schema_version=2", "write 1"),
         ('axes=["y", "y"]', "two different axes"),
         ('supports.walls.faces="z_max"', "is not a list"),

@@ -61,7 +61,7 @@ def within_limits(scene: Scene, folder: Path, depth: float) -> None:
     record = load_result(folder).record
     assert record["status"] == "planned"
     heights = np.abs(record["search"]["heights"])
-    assert heights[-1] < 0.8 * max(scene.planning.height_range)
+    assert heights[-1] < 0.8 * max(scene.planning.offset_range)
     assert depth < 0.95 * scene.motion.max_depth
 
 
@@ -125,7 +125,7 @@ def test_an_oblique_label_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert np.linalg.norm(release - entry) == pytest.approx(record["release_depth"], abs=1e-12)
     assert record["release_depth"] == pytest.approx(record["release_point"][1], abs=1e-12)
     picture = str(tmp_path / "strain.png")
-    coarse = ["--set", "discretisation.element=P1", "--set", "discretisation.path_spacing=4 mm"]
+    coarse = ["--set", "discretization.element=P1", "--set", "discretization.path_spacing=4 mm"]
     assert main(["render", str(case), *SET, *coarse, "--field", "strain", "--out", picture]) == 0
 
 
@@ -135,8 +135,8 @@ def test_cases_arrive_at_the_printed_depth(
 ) -> None:
     """The tip that is pushed from the printed entry to the printed depth is at the target."""
     case = CASES / name / "case.toml"
-    coarse = ["--set", "planning.estimate=false", "--set", "discretisation.element=P1"]
-    coarse += ["--set", "mesh.interfaces=centroid", "--set", "discretisation.path_spacing=3 mm"]
+    coarse = ["--set", "planning.estimate=false", "--set", "discretization.element=P1"]
+    coarse += ["--set", "mesh.interfaces=centroid", "--set", "discretization.path_spacing=3 mm"]
     assert main(["plan", str(case), "--out", str(tmp_path), "--no-pictures", *coarse]) in (0, 1)
     printed = capsys.readouterr().out
     direction = tuple(load_result(tmp_path).record["direction"])

@@ -46,4 +46,4 @@ def test_what_is_named_must_be_what_it_is_used_as() -> None:
         element_row("mine_of_test:VALUE")
     for name in ("VALUE", "WithoutStepper", "stepper_of"):
         with pytest.raises(CaseError, match="has no method stepper"):
-            integrator_class(f"mine_of_test:{name}", "discretisation.integrator")
+            integrator_class(f"mine_of_test:{name}", "discretization.integrator")

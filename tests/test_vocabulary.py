@@ -15,7 +15,7 @@ FORMER = {
     "ledger": "energy balance, energy terms",
     "leg": "motion stage",
     "lying": "embedded",
-    "march": "path following",
+    "path_following": "path following",
     "medium": "tissue response",
     "moment": "tip trial, frame",
     "rubbing": "friction",

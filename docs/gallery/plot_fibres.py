@@ -11,7 +11,7 @@ import numpy as np
 import needlefem as nf
 from needlefem.materials import TransverselyIsotropic
 from needlefem.plotting import RenderOptions
-from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Scene, Support, vary
+from needlefem.scene import BoxMesh, Discretization, Motion, Needle, Scene, Support, vary
 
 muscle = TransverselyIsotropic(
     modulus_along=90e3, modulus_across=30e3, shear_along=12e3, ratio_along=0.45, ratio_across=0.6
@@ -21,10 +21,10 @@ scene = Scene(
     axes=("y", "z"),
     mesh=BoxMesh(size=(0.06, 0.06), divisions=(20, 20)),
     materials={"muscle": muscle},
-    background="muscle",
+    default_material="muscle",
     regions={},
     supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-    discretisation=Discretisation(element="P2", path_spacing=3e-3),
+    discretization=Discretization(element="P2", path_spacing=3e-3),
     needle=Needle(tip_radius=3e-3, cutting_force=50.0, shaft_friction=10e3),
     motion=Motion(direction=(0.0, 1.0), entry=(0.03, 0.0), max_depth=0.03),
 )

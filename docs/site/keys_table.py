@@ -8,7 +8,7 @@ from needlefem.geometry import ImageFrame, Voxels
 from needlefem.materials import LAWS
 from needlefem.scene import (
     BoxMesh,
-    Discretisation,
+    Discretization,
     FileMesh,
     Limits,
     Motion,
@@ -34,7 +34,7 @@ TABLES: dict[str, type] = {
     "`[supports.NAME]`": Support,
     "`[obstacles.NAME]`": Obstacle,
     "`[damping]`": Rayleigh,
-    "`[discretisation]`": Discretisation,
+    "`[discretization]`": Discretization,
     "`[needle]`": Needle,
     "`[motion]`": Motion,
     "`[[motion.stages]]`": Stage,

@@ -44,7 +44,7 @@ class MovableMesh:
     def __init__(self, model: TissueModel) -> None:
         if model.element.name != "P1":
             problem = f"'{model.element.name}', but only nodes of P1 triangles can be moved"
-            raise CaseError("discretisation.element", problem, "set it to 'P1'")
+            raise CaseError("discretization.element", problem, "set it to 'P1'")
         self.home: Points = model.nodes
         self.points: Points = model.nodes.copy()
         self.cells: Ints = model.cell_nodes

@@ -104,7 +104,7 @@ def paper_plan(
     end = time.process_time()
     evidence = Evidence(
         preflight=checks,
-        ledger=None,
+        energy=None,
         validity=None,
         missing=NOT_MADE,
         discretisation=discretised(simulation, planner.entry),

@@ -103,7 +103,7 @@ class NodeSimulation(Simulation):
         try:
             pushed = ConformingInsertion(
                 needle, self.tissue, spread=self.numbers.spread,
-                grip=self.scene.needle.static_friction,
+                grip=self.scene.needle.static_friction_ratio,
             )  # fmt: skip
         except NoNodeError as error:
             raise SimulationError(f"{error}; refine the mesh") from error
@@ -127,8 +127,8 @@ class NodeSimulation(Simulation):
             outcome=_outcome(pushed.outcome, states),
             states=tuple(states),
             pieces=(),
-            snaps=(),
-            evaluations=pushed.contact.evaluations,
+            ruptures=(),
+            contact_solves=pushed.contact.evaluations,
         )
 
 

@@ -71,7 +71,7 @@ def race(scene: Scene, entered: Sequence[Entrant], exact: ReferenceSolution) -> 
     point = ", ".join(f"{100.0 * x:.6f}" for x in exact.release)
     return Table(
         title=f"{scene.title}: error of the placement against seconds of the whole plan",
-        columns=("", "discretisation", "dofs", "error (mm)", "estimate (mm)", "CPU (s)",
+        columns=("", "discretization", "dofs", "error (mm)", "estimate (mm)", "CPU (s)",
                  "over own", "status", "front"),
         rows=rows,
         passed=own.error <= ENOUGH and not beaten,
@@ -86,7 +86,7 @@ def entrants(scene: Scene) -> list[Entrant]:
     """Return the case's own discretisation, then all that are held against it."""
     if not isinstance(scene.mesh, BoxMesh):
         raise CaseError("mesh.file", "a mesh from a file has the sizes it has", "take a box")
-    element = resolve(scene).scene.discretisation.element
+    element = resolve(scene).scene.discretization.element
     found = [Entrant(OWN, element, _planned(scene, {}))]
     for name in CATALOGUE:
         for label, changes in sizes(scene.mesh, scene).items():
@@ -129,18 +129,18 @@ def _divided(mesh: BoxMesh, factor: float) -> dict[str, Any]:
 
 def steps(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes to a resolved scene's path, kernel and regime."""
-    numbers = scene.discretisation
-    spacing, points = numbers.path_spacing, numbers.kernel_points
+    numbers = scene.discretization
+    spacing, points = numbers.path_spacing, numbers.tip_quadrature_points
     found: dict[str, dict[str, Any]] = {
-        f"path spacing x {factor:g}": {"discretisation.path_spacing": factor * spacing}
+        f"path spacing x {factor:g}": {"discretization.path_spacing": factor * spacing}
         for factor in (2.0, 0.5)
     }
     for factor in (0.25, 4.0):
         found[f"kernel points x {factor:g}"] = {
-            "discretisation.kernel_points": round(factor * points)
+            "discretization.tip_quadrature_points": round(factor * points)
         }
-    for regime in ("quasi-static", "generalised-alpha"):
-        found[regime] = {"discretisation.integrator": regime, "planning.estimate": False}
+    for regime in ("quasi_static", "generalized_alpha"):
+        found[regime] = {"discretization.integrator": regime, "planning.estimate": False}
     return found
 
 

@@ -84,7 +84,7 @@ def run(case: str) -> Table:
         columns=("what", "ms", "least", "most", "back-substitutions", "share"),
         rows=rows,
         passed=not bound or whole <= MOST * unit,
-        note=f"{steps} steps, {found.evaluations} evaluations, {found.evaluations / steps:.1f} a "
+        note=f"{steps} steps, {found.contact_solves} evaluations, {found.contact_solves / steps:.1f} a "
         f"step; beside: {2e6 * BESIDE:g} um apart; {ready.responses.size} rows known; "
         "shares from a profile, which makes calls dearer"
         + f"; {whole / warm:.0f} back-substitutions that find the factor in the cache"
@@ -92,7 +92,7 @@ def run(case: str) -> Table:
         charts={
             scene.title: bars("an insertion and its parts", "milliseconds", list(map(_bar, rows)))
         },
-        summary={"back_substitutions": whole / unit, "evaluations": found.evaluations},
+        summary={"back_substitutions": whole / unit, "evaluations": found.contact_solves},
     )
 
 

@@ -44,7 +44,7 @@ def run(case: str) -> Table:
     seconds = in_turn(stages, ROUNDS)
     middle = {name: median(values) for name, values in seconds.items()}
     unit, ours = middle["back-substitution"], middle["plan, model included"]
-    bounded = (ready.scene.discretisation.element, ready.model.dim) == ("P1", 2)
+    bounded = (ready.scene.discretization.element, ready.model.dim) == ("P1", 2)
     note = f"a plan may take {MOST:g} back-substitutions, model included" if bounded else ""
     return Table(
         title=f"{scene.title}: {model.ndofs} dofs, medians of {ROUNDS} rounds",

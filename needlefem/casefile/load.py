@@ -4,6 +4,7 @@ import dataclasses
 import json
 import tomllib
 import typing
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from needlefem.geometry.image_frame import ImageFrame
 from needlefem.io.expectations import check_key
 from needlefem.io.saved_result import SavedResult, load_result
 from needlefem.scene import (
-    Discretisation,
+    Discretization,
     Expectation,
     FileMesh,
     Limits,
@@ -37,6 +38,7 @@ from needlefem.scene import (
     TargetDraw,
     canonical,
 )
+from needlefem.scene.version_1 import OldWord, renewed_case, renewed_path, report
 from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import made, refuse_unknown
 
@@ -97,12 +99,12 @@ def _any_quantity(raw: Any, key: str) -> tuple[float | tuple[float, ...], str]:
 # Case files: TOML in, a `Scene` out, and every mistake answered with a line.
 
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSIONS = (1, 2)
 PLANE = 2
 """Number of axes of a case."""
 SECTIONS = (
     "schema_version", "title", "axes", "mesh", "tissue", "materials", "regions", "supports",
-    "obstacles", "damping", "discretisation", "needle", "motion", "target", "planning", "targets",
+    "obstacles", "damping", "discretization", "needle", "motion", "target", "planning", "targets",
     "outputs", "limits", "expect", "frame",
 )  # fmt: skip
 
@@ -124,14 +126,18 @@ def load_case(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     """
     path = Path(path)
     text = read_text(path, "case", remedy="give the path of a case.toml")
-    data = _spelled(_parsed(text, str(path)))
-    recorded = {key: _override(data, key, value) for key, value in map(_split, overrides)}
+    old: list[OldWord] = []
+    data = renewed_case(spelled(parsed(text, str(path))), old)
+    recorded = {key: _override(data, key, value, old) for key, value in map(_split, overrides)}
+    if old:
+        remedy = f"'needlefem upgrade {path}' rewrites the file"
+        warnings.warn(f"{report(old, str(path))}; {remedy}", FutureWarning, stacklevel=2)
     refuse_open(data, str(path))
     scene = read_scene(data, path.parent)
     return dataclasses.replace(scene, source=path, overrides=recorded)
 
 
-def _parsed(text: str, key: str) -> dict[str, Any]:
+def parsed(text: str, key: str) -> dict[str, Any]:
     """Return the tables of a TOML document."""
     try:
         return tomllib.loads(text)
@@ -141,7 +147,7 @@ def _parsed(text: str, key: str) -> dict[str, Any]:
         raise CaseError(key, f"not valid TOML: {error}", "correct the file") from None
 
 
-def _spelled(data: dict[str, Any]) -> dict[str, Any]:
+def spelled(data: dict[str, Any]) -> dict[str, Any]:
     """Return the tables with every section under the name that is read."""
     found: dict[str, Any] = {}
     for key, value in data.items():
@@ -159,7 +165,7 @@ def _split(override: str) -> tuple[str, str]:
     return found
 
 
-def _override(data: dict[str, Any], key: str, text: str) -> Any:
+def _override(data: dict[str, Any], key: str, text: str, old: list[OldWord]) -> Any:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except RecursionError:
@@ -167,29 +173,30 @@ def _override(data: dict[str, Any], key: str, text: str) -> Any:
     except ValueError:
         value = text
     first, *rest = key_parts(key)
-    *folders, name = [canonical(first), *rest]
+    path = renewed_path([canonical(first), *rest], old)
+    *folders, name = path
     table = data
     for folder in folders:
         table = table.setdefault(folder, {})
         if not isinstance(table, dict):
             raise CaseError(f"--set {key}", f"'{folder}' is not a table", "check the key")
-    table[name] = value
+    table[name] = renewed_case(value, old, tuple(path))
     return value
 
 
 def read_scene(data: Table, folder: Path) -> Scene:
     """Return the scene of a parsed case whose files are in `folder`."""
-    data = _spelled(dict(data))
+    data = renewed_case(spelled(dict(data)), [])
     refuse_unknown(data, SECTIONS, "")
     refuse_open(data)
     version = required(data, "schema_version", "")
-    if version != SCHEMA_VERSION or type(version) is not int:
+    if version not in SCHEMA_VERSIONS or type(version) is not int:
         problem = f"{short(version)} is not known"
-        raise CaseError("schema_version", problem, f"write {SCHEMA_VERSION}")
+        raise CaseError("schema_version", problem, f"write {SCHEMA_VERSIONS[-1]}")
     axes = _axes(data)
     reader = CaseReader(len(axes), folder, axes)
     tissue = table(data, "tissue")
-    refuse_unknown(tissue, ("background", "plane"), "tissue")
+    refuse_unknown(tissue, ("default_material", "plane"), "tissue")
     target = table(data, "target") if "target" in data else None
     if target is not None:
         refuse_unknown(target, ("point",), "target")
@@ -201,14 +208,14 @@ def read_scene(data: Table, folder: Path) -> Scene:
         axes=axes,
         mesh=mesh,
         materials={n: reader.material(t, n) for n, t in tables(data, "materials").items()},
-        background=required(tissue, "background", "tissue"),
+        default_material=required(tissue, "default_material", "tissue"),
         regions=regions,
         supports={n: reader.support(t, n) for n, t in tables(data, "supports").items()},
         obstacles={n: reader.obstacle(t, n, regions) for n, t in obstacles.items()},
         plane=tissue.get("plane", "strain"),
         damping=reader.fill(Rayleigh, data.get("damping", {}), "damping"),
-        discretisation=reader.fill(
-            Discretisation, data.get("discretisation", {}), "discretisation"
+        discretization=reader.fill(
+            Discretization, data.get("discretization", {}), "discretization"
         ),
         needle=reader.fill(Needle, table(data, "needle"), "needle"),
         motion=reader.fill(Motion, table(data, "motion"), "motion"),

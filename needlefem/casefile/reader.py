@@ -60,7 +60,7 @@ _CLASSES: dict[str, tuple[type, ...]] = {
 }
 _SENTENCES = {
     "target.point": 'the point to hit, such as ["1.5 cm", "3 cm"]',
-    "tissue.background": "the material outside all regions",
+    "tissue.default_material": "the material outside all regions",
 }
 
 
@@ -80,7 +80,7 @@ def _is_name(data: Table, path: tuple[str, ...]) -> bool:
     if path == ("title",) or path[-1] in ("group", "file"):
         return True
     materials = data.get("materials")
-    return path[-1] in ("material", "background") and isinstance(materials, dict) and (
+    return path[-1] in ("material", "default_material") and isinstance(materials, dict) and (
         OPEN in materials
     )  # fmt: skip
 

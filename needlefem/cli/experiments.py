@@ -156,7 +156,7 @@ def run_study(options: argparse.Namespace) -> int:
         unused = f"study '{options.study}' looks at one case"
         refuse_unused_options(options, [("on", unused)])
     scene = load_case(options.case, options.overrides)
-    other = load_case(options.on) if options.on else None
+    other = load_case(options.against) if options.against else None
     tables = run(scene, other)
     summary = {key: value for table in tables for key, value in table.summary.items()}
     expected, why = judged(scene, summary, options.study)

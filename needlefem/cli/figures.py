@@ -26,6 +26,7 @@ from needlefem.io.result_folder import probe, write_json
 from needlefem.planning.result import PlanStatus
 from needlefem.plotting.images import renderer
 from needlefem.scene import BoxMesh, Scene
+from needlefem.scene.version_1 import with_old_keys
 
 
 def plan_by_paper(options: argparse.Namespace) -> int:
@@ -41,9 +42,9 @@ def plan_by_paper(options: argparse.Namespace) -> int:
         record, paper, tables = _planned(scene)
         if result is not None:
             result.begin()
-            write_json(result.path / "plan.json", record)
+            write_json(result.path / "plan.json", with_old_keys(record, "plan"))
     if options.json:
-        say_json(record)
+        say_json(with_old_keys(record, "plan"))
     else:
         _summary(scene.title, paper, tables)
     return 0 if paper.plan.status is PlanStatus.PLANNED else 3

@@ -108,10 +108,10 @@ def _without_effect(scene: Scene, command: str) -> Iterator[tuple[str, str]]:
     chosen = resolve(scene).scene
     if command != "modes":
         yield from _of_integrators(chosen, stepped=command == "run" and _has_stages(chosen))
-    if chosen.needle.static_friction == 1.0:
-        yield "needle.weakening_length", "static friction is kinetic friction here"
+    if chosen.needle.static_friction_ratio == 1.0:
+        yield "needle.slip_weakening_distance", "static friction is kinetic friction here"
     if chosen.needle.tip == "point":
-        yield "discretisation.kernel_points", "a point has no kernel"
+        yield "discretization.tip_quadrature_points", "a point has no kernel"
     yield from _of_meshes(chosen)
     if command == "plan" and not chosen.obstacles:
         yield "planning.directions", "no obstacle makes a plan turn"
@@ -139,14 +139,14 @@ def _has_stages(scene: Scene) -> bool:
 
 def _of_integrators(scene: Scene, *, stepped: bool) -> Iterator[tuple[str, str]]:
     """Yield the keys of other integrators than the scene's."""
-    name = scene.discretisation.integrator
-    how = f"the integrator is '{name}'; choose discretisation.integrator"
+    name = scene.discretization.integrator
+    how = f"the integrator is '{name}'; choose discretization.integrator"
     if name not in DYNAMIC:
         yield "damping", how
-        yield "discretisation.mass", how
-    if name != "generalised-alpha":
-        yield "discretisation.rho_inf", how
+        yield "discretization.mass_matrix", how
+    if name != "generalized_alpha":
+        yield "discretization.rho_inf", how
     if name != "newmark":
-        yield "discretisation.newmark_gamma", how
-    if name == "march" and not stepped:
-        yield "discretisation.time_step", how
+        yield "discretization.newmark_gamma", how
+    if name == "path_following" and not stepped:
+        yield "discretization.time_step", how

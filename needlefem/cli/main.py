@@ -29,15 +29,22 @@ COMMANDS = {
     "figures": "draw the figures of Alterovitz et al. 2003 beside the paper's numbers",
     "modes": "find how the tissue of a case vibrates",
     "verify": "run the reference problems",
+    "check": "qualify an element, a material law or an integrator",
     "study": "measure what the answers of a case depend on",
     "bench": "measure what they cost",
+    "upgrade": "rewrite a case file of schema version 1 with the words of version 2",
     "info": "say what is installed, for bug reports",
 }
 
 LONGEST_ERROR = 400
 """Characters of a usage error that are shown."""
 
-HANDLERS = {"bench": ("experiments", "run_benchmark"), "study": ("experiments", "run_study")}
+HANDLERS = {
+    "bench": ("experiments", "run_benchmark"),
+    "study": ("experiments", "run_study"),
+    "check": ("qualify", "main"),
+    "upgrade": ("new", "upgrade"),
+}
 """Module and function of commands that have no module of their own name."""
 
 
@@ -213,7 +220,8 @@ def _render(parser: argparse.ArgumentParser) -> None:
         help="picture (.png, .webp, .jpg) or animation (.gif, .webp, .mp4)",
     )  # fmt: skip
     parser.add_argument("--setup", action="store_true", help="the scene, before any simulation")
-    parser.add_argument("--beside", metavar="CASE", help="a second case or result on the right")
+    parser.add_argument("--compare", metavar="CASE", help="a second case or result on the right")
+    _renamed(parser, "--beside", "compare")
     parser.add_argument(
         "--field", default="", help="displacement, strain, von-mises, pressure or validity"
     )
@@ -238,25 +246,30 @@ def _modes(parser: argparse.ArgumentParser) -> None:
     _case(parser)
     _output(parser)
     parser.add_argument("--count", type=int, default=6, help="how many, from the lowest")
-    parser.add_argument("--free", action="store_true", help="without the supports")
+    parser.add_argument("--unsupported", action="store_true", help="without the supports")
+    parser.add_argument("--free", action="store_true", dest="unsupported", help=argparse.SUPPRESS)
 
 
 def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", help="problems to run; all when left out")
-    parser.add_argument("--element", help="qualify this element ('all') instead")
-    parser.add_argument("--material", help="qualify this law ('all') instead")
-    parser.add_argument("--integrator", help="qualify this integrator ('all') instead")
+    for option in ("--element", "--material", "--integrator"):  # now those of `check`
+        parser.add_argument(option, help=argparse.SUPPRESS)
     parser.add_argument(
-        "--plane", choices=("strain", "stress"), default="strain", help="of what is qualified"
+        "--plane", choices=("strain", "stress"), default="strain", help=argparse.SUPPRESS
     )
     parser.add_argument(
-        "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
-        help='constant of the law, as in --set youngs_modulus="3 kPa"',
-    )  # fmt: skip
+        "--set", action="append", default=[], dest="settings", help=argparse.SUPPRESS
+    )
     parser.add_argument(
         "--problems", default="verification", metavar="DIR", help="folder of the problems"
     )
-    parser.add_argument("--record", action="store_true", help="keep the answers as own record")
+    parser.add_argument(
+        "--update-baseline", action="store_true",
+        help="store the results as the baseline of later runs",
+    )  # fmt: skip
+    parser.add_argument(
+        "--record", action="store_true", dest="update_baseline", help=argparse.SUPPRESS
+    )
     parser.add_argument("--quick", action="store_true", help="coarse meshes only, within a minute")
     parser.add_argument("--report", metavar="DIR", help="write an HTML page and JSON there")
     stress = parser.add_argument_group("stress tests")
@@ -271,10 +284,33 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     stress.add_argument("--out", metavar="DIR", help="with --only: write its files there")
 
 
+def _check(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--element", help="element of the catalogue, or 'all'; default P2")
+    parser.add_argument("--material", help="material law, or 'all'; default isotropic")
+    parser.add_argument("--integrator", help="time integrator, or 'all', instead of an element")
+    parser.add_argument(
+        "--plane", choices=("strain", "stress"), default="strain", help="plane strain or stress"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
+        help='constant of the material law, as in --set youngs_modulus="3 kPa"',
+    )  # fmt: skip
+
+
+def _upgrade(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("case", help="path of a case.toml, which is rewritten")
+
+
+def _renamed(parser: argparse.ArgumentParser, old: str, target: str) -> None:
+    """Accept an option under its old name, which the help does not list."""
+    parser.add_argument(old, dest=target, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+
+
 def _study(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("study", help="name of the study; 'list' names them")
     _case(parser, optional=True)
-    parser.add_argument("--on", metavar="CASE", help="second case of a study that needs one")
+    parser.add_argument("--against", metavar="CASE", help="second case of a study that needs one")
+    _renamed(parser, "--on", "against")
 
 
 def _bench(parser: argparse.ArgumentParser) -> None:
@@ -300,6 +336,8 @@ _OPTIONS = {
     "render": _render,
     "figures": _figures,
     "modes": _modes,
+    "check": _check,
+    "upgrade": _upgrade,
     "verify": _verify,
     "study": _study,
     "bench": _bench,

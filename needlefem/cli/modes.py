@@ -46,7 +46,7 @@ def _found(
     options: argparse.Namespace, scene: Scene, result: ResultFolder | None
 ) -> tuple[dict[str, Any], NoRendererError | None]:
     """Return the record of the modes, written, and why there is no picture, if that is so."""
-    model = build_model(scene, floating=options.free)
+    model = build_model(scene, floating=options.unsupported)
     if not 0 < options.count < len(model.free_dofs) // 2:
         remedy = f"give 1 to {len(model.free_dofs) // 2 - 1}"
         raise CaseError("--count", f"{options.count} modes", remedy)
@@ -57,7 +57,7 @@ def _found(
         "case": scene.title,
         "element": model.element.name,
         "unknowns": system.size,
-        "supported": not options.free,
+        "supported": not options.unsupported,
         "frequencies": list(hertz),
         "critical_steps": _limits(system),
     }

@@ -53,6 +53,20 @@ def add(parser: argparse.ArgumentParser) -> None:
 # ``needlefem new``.
 
 
+def upgrade(options: argparse.Namespace) -> int:
+    """Rewrite a case file with the words of schema version 2; return the exit status."""
+    from needlefem.casefile.upgrade import upgrade_case  # noqa: PLC0415  (`new` needs none of it)
+
+    path = Path(options.case)
+    text, words = upgrade_case(path)
+    write_text(path, text)
+    if options.json:
+        say_json({"case": str(path), "words": [word._asdict() for word in words]})
+    else:
+        say("\n".join([f"wrote {path}", *(f"  {word}" for word in words)]))
+    return 0
+
+
 def main(options: argparse.Namespace) -> int:
     """Begin a case from files, write it, say what is still open; return the exit status."""
     path = Path(options.case)

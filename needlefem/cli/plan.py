@@ -22,6 +22,7 @@ from needlefem.io.result_folder import write_json
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Evidence, Plan, PlanStatus
 from needlefem.scene import Scene
+from needlefem.scene.version_1 import with_old_keys
 
 
 def main(options: argparse.Namespace) -> int:
@@ -43,11 +44,11 @@ def main(options: argparse.Namespace) -> int:
         record |= expect_record(expected, why)
         if result is not None:
             result.begin()
-            write_json(result.path / "plan.json", record)
+            write_json(result.path / "plan.json", with_old_keys(record, "plan"))
             if not options.no_pictures:
                 missing = undrawn(lambda: pictures.extend(_draw(found, result.path)))
     if options.json:
-        say_json(record)
+        say_json(with_old_keys(record, "plan"))
     else:
         _summary(scene, found, record)
         if expected is not None:
@@ -71,9 +72,9 @@ def _draw(found: Plan, folder: Path) -> list[Path]:
 
 def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
     along = ", ".join(f"{x:.3g}" for x in found.insertion.axis.direction)
-    turned = f" along ({along})" if found.refusals else ""
+    turned = f" along ({along})" if found.rejected_directions else ""
     say(f"{scene.title}: {found.status}{turned}, {found.sentence}")
-    for refusal in found.refusals:
+    for refusal in found.rejected_directions:
         along = ", ".join(f"{x:.3g}" for x in refusal.direction)
         say(f"  along ({along}): {refusal.status}, {refusal.sentence}")
     for line in release_lines(found):
@@ -89,8 +90,8 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
     if found.evidence is not None:
         checks = found.evidence.preflight
         say(f"  {len(checks)} checks passed before planning: {', '.join(c.name for c in checks)}")
-        if found.evidence.ledger is not None:
-            say(f"  energy ledger closes to {found.evidence.ledger.residual:.1e} of the work")
+        if found.evidence.energy is not None:
+            say(f"  energy ledger closes to {found.evidence.energy.residual:.1e} of the work")
         for name, why in found.evidence.missing.items():
             say(f"  {name} not known: {why}")
         _accuracy(found.evidence)
@@ -103,7 +104,7 @@ def _accuracy(evidence: Evidence) -> None:
     """Say what was computed on, what that does to the placement, and what was tried before."""
     if evidence.discretisation is not None:
         say(f"  discretisation: {evidence.discretisation}")
-    for tried in evidence.trail:
+    for tried in evidence.refinement_history:
         sizes = (tried.corridor, tried.contour, tried.bulk, tried.path)
         say(
             f"  tried {tried.element}, {tried.unknowns} unknowns, "

@@ -52,11 +52,11 @@ def _say(
 
 def _integrators(options: argparse.Namespace, settings: dict[str, str]) -> int:
     """Qualify integrators that move mass; 1 if a check fails."""
-    moving = [name for name in NAMES if name != "quasi-static"]
+    moving = [name for name in NAMES if name != "quasi_static"]
     found: dict[tuple[str, str], tuple[CheckResult, ...]] = {}
     numbers: dict[tuple[str, str], dict[str, float]] = {}
     for name in _names(options.integrator, moving):
-        if name == "quasi-static":
+        if name == "quasi_static":
             remedy = "see critical_step and convergence_in_time for its accuracy"
             raise CaseError("--integrator", "quasi-static steps move no mass", remedy)
         constants = {key: _number(value, key) for key, value in settings.items()}

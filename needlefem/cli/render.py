@@ -93,7 +93,7 @@ def _carried_out(again: SavedCase) -> Scene:
     point = np.array(release)
     entry = simulation.entry_through(point)
     depth = float((point - entry.point) @ simulation.direction)
-    stages = (Stage(to=depth, release="seed"), Stage(to=-OUT))
+    stages = (Stage(depth=depth, release="seed"), Stage(depth=-OUT))
     motion: Motion = dataclasses.replace(
         scene.motion, entry=tuple(entry.point.tolist()), stages=stages, times=(), depths=()
     )
@@ -175,7 +175,7 @@ def _refuse_unused(options: argparse.Namespace, path: Path) -> None:
 def _draw(options: argparse.Namespace, path: Path, shot: RenderOptions) -> None:
     watch = progress("moving")
     insertion = replay(options.case, options.overrides, watch)
-    beside = replay(options.beside, options.overrides, watch) if options.beside else None
+    beside = replay(options.compare, options.overrides, watch) if options.compare else None
     shown = [found for found in (insertion, beside) if found is not None]
     ends = [found.outcome for found in shown if found.outcome.status not in GOOD]
     warn([f"the motion is shown as far as it goes: {end.sentence}" for end in ends])

@@ -43,6 +43,7 @@ from needlefem.plotting.figures import draw_forces, draw_sticking
 from needlefem.plotting.render import write_snapshots
 from needlefem.scene import Scene
 from needlefem.scene.limits import check_count
+from needlefem.scene.version_1 import with_old_keys
 
 
 def main(options: argparse.Namespace) -> int:
@@ -56,7 +57,7 @@ def main(options: argparse.Namespace) -> int:
         insertion, record, expected = _moved(scene, result)
         undrawn = None if result is None else _write(insertion, record, result.path, options)
     if options.json:
-        say_json(record)
+        say_json(with_old_keys(record, "run"))
     else:
         _summary(record, scene.title)
         warn(record["warnings"])
@@ -90,7 +91,7 @@ def _moved(
     insertion = course.result(tuple(kept))
     on = discretised(simulation, simulation.entry_of_case())
     record = origin(scene) | insertion_record(insertion)
-    record |= {"discretisation": dataclasses.asdict(on)}
+    record |= {"discretization": dataclasses.asdict(on)}
     record = with_scanner(record | _measures(simulation, insertion), scene)
     record["warnings"] += unused_keys(scene, "run")
     expected, why = judged(scene, record, "run")
@@ -102,7 +103,7 @@ def _write(
     insertion: Insertion, record: dict[str, Any], folder: Path, options: argparse.Namespace
 ) -> NoRendererError | None:
     """Write what is not written yet; return why there are no pictures, if that is so."""
-    write_json(folder / "run.json", record)
+    write_json(folder / "run.json", with_old_keys(record, "run"))
     if options.snapshots:
         write_snapshots(insertion, folder, options.snapshots)
     if options.no_pictures:
@@ -124,8 +125,8 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     deepest = max(float(insertion.depths.max()), 0.0)
     passed = passings(insertion.scene.obstacles, insertion.axis, deepest)
     warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]
-    if insertion.snaps:
-        warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
+    if insertion.ruptures:
+        warnings.append(f"the tip jumps ahead {len(insertion.ruptures)} times on its way")
     return {
         "seeds": _seeds(insertion),
         "energy": energy_record(energies),
@@ -171,15 +172,17 @@ def _summary(record: dict[str, Any], title: str) -> None:
     say(f"  force {force:.4g} N/m, of which the tip {record['tip_force'][-1]:.4g} N/m")
     energy = record["energy"]
     terms = (
-        "strain", "kinetic", "friction", "cutting", "snap", "hold", "capture", "contact",
-        "relaxation", "damping", "algorithmic",
+        "strain", "kinetic", "friction", "cutting", "rupture", "lateral_penalty_energy",
+        "contact_activation", "crack_front", "viscoelastic", "damping", "algorithmic_dissipation",
     )  # fmt: skip
     spent = ", ".join(
-        f"{t} {energy[t]:.4g}" for t in terms if abs(energy[t]) > 1e-9 * abs(energy["work"])
+        f"{t.replace('_', ' ')} {energy[t]:.4g}"
+        for t in terms
+        if abs(energy[t]) > 1e-9 * abs(energy["work"])
     )
     say(f"  work {energy['work']:.4g} J/m = {spent}")
     say(f"  energy ledger closes to {energy['residual']:.1e} of the work")
-    say(f"  discretisation: {Discretised(**record['discretisation'])}")
+    say(f"  discretisation: {Discretised(**record['discretization'])}")
 
 
 def _seed_line(seed: dict[str, Any]) -> str:

@@ -39,7 +39,7 @@ def main(options: argparse.Namespace) -> int:
     records = read_records(folder)
     problems = load_problems(folder, options.names)
     reports = [run_problem(problem, records, quick=options.quick) for problem in problems]
-    if options.record:
+    if options.update_baseline:
         records |= records_of([verdict for report in reports for verdict in report.verdicts])
         write_json(folder / "records.json", records)
         reports = [judged(r.problem, r.findings, records, r.seconds) for r in reports]

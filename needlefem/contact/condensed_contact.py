@@ -126,8 +126,8 @@ class CondensedContact:
         self.responses, self.frame = responses, frame
         self.dim = len(frame)
         self.pieces: list[ContactSegment] = []
-        self.covered = 0
-        self.axial: Floats = np.zeros(0)
+        self.active_segments = 0
+        self.friction_forces: Floats = np.zeros(0)
         self.background = background
         self.swing: Floats | None = None
         self._loads: list[tuple[Ints, Floats]] = []
@@ -163,7 +163,7 @@ class CondensedContact:
         response = self.responses.respond(rows, loads)
         bare = loads @ response.at(rows)
         coupling = loads @ self._columns_at(rows)
-        displacement = coupling[:, :: self.dim] @ self.axial[: self.covered]
+        displacement = coupling[:, :: self.dim] @ self.friction_forces[: self.active_segments]
         if self.background is not None:
             displacement += (weights.of(self.background) @ self.frame.T).ravel()
         half = self._forward(coupling[:, self._laterals].T)
@@ -175,7 +175,7 @@ class CondensedContact:
 
     def _forward(self, rhs: Floats) -> Floats:
         """Return ``L^-1 rhs``."""
-        if not self.covered:
+        if not self.active_segments:
             return rhs
         solved, _ = dtrtrs(self._factor, rhs, lower=1)
         found: Floats = solved
@@ -254,19 +254,19 @@ class CondensedContact:
         used = np.flatnonzero(row)
         self.pieces.append(ContactSegment(trial.weights.nodes[used], row[used], offset, compliance))
         self._offsets = np.concatenate([self._offsets, offset])
-        self.axial = np.concatenate([self.axial, [axial]])
-        self.covered = number + 1
+        self.friction_forces = np.concatenate([self.friction_forces, [axial]])
+        self.active_segments = number + 1
         self.eliminate_lateral()
 
     def set_active(self, count: int) -> None:
         """Make the first `count` segments the active ones and update the elimination."""
-        self.covered = count
+        self.active_segments = count
         self.eliminate_lateral()
 
     def set_friction(self, axial: Floats) -> None:
         """Set the friction forces (N, N/m in 2D) of the first segments; these become active."""
-        self.axial = np.zeros(len(self.pieces))
-        self.axial[: len(axial)] = axial
+        self.friction_forces = np.zeros(len(self.pieces))
+        self.friction_forces[: len(axial)] = axial
         self.set_active(len(axial))
 
     # Kernel: elimination of the lateral forces of the active segments.
@@ -281,16 +281,19 @@ class CondensedContact:
     def eliminate_lateral(self) -> None:
         """Prepare the elimination of lateral forces for the present friction and background."""
         self._reduced = np.zeros(0)
-        if self.covered:
-            size, laterals = self.covered * (self.dim - 1), self._laterals
+        if self.active_segments:
+            size, laterals = self.active_segments * (self.dim - 1), self._laterals
             if len(self._factor) != size:  # in Fortran order, so that LAPACK does not copy it
                 self._factor = np.asfortranarray(self._cholesky[:size, :size])
-            free = self._w[laterals, : self._size : self.dim] @ self.axial[: self.covered]
+            free = (
+                self._w[laterals, : self._size : self.dim]
+                @ self.friction_forces[: self.active_segments]
+            )
             self._reduced = self._forward(-(self._gap() + free))
 
     def _gap(self) -> Floats:
         """Lateral offset of the active segments from the axis without any force on them, m."""
-        gap = self._offsets[: self.covered * (self.dim - 1)]
+        gap = self._offsets[: self.active_segments * (self.dim - 1)]
         if self.background is None:
             return gap
         found: Floats = gap + self._background()[self._laterals]
@@ -300,7 +303,7 @@ class CondensedContact:
         """Return the axial compliance of the active segments, before friction is considered."""
         axials = np.arange(0, self._size, self.dim)
         half, held = np.zeros((0, len(axials))), np.zeros(0)
-        if self.covered:
+        if self.active_segments:
             half = self._forward(self._w[self._laterals][:, axials])
             held = self._forward(-self._gap())
         compliance = self._w[np.ix_(axials, axials)] - half.T @ half
@@ -309,14 +312,14 @@ class CondensedContact:
 
     @property
     def _size(self) -> int:
-        return self.covered * self.dim
+        return self.active_segments * self.dim
 
     def _background(self) -> Floats:
         """Displacement of the active segments without the needle, shape (path rows,), m."""
         if self.background is None:
             return np.zeros(self._size)
         field = self.background
-        covered = self.pieces[: self.covered]
+        covered = self.pieces[: self.active_segments]
         means = np.array([piece.weights @ field[piece.nodes] for piece in covered])
         rows: Floats = (means @ self.frame.T).ravel()
         return rows
@@ -331,7 +334,7 @@ class CondensedContact:
         forces : array, shape (rows,)
             Forces on the functionals of the trial.
         """
-        if not self.covered:
+        if not self.active_segments:
             return np.zeros((0, self.dim - 1))
         rhs = self._reduced - trial.half @ forces
         solved, _ = dtrtrs(self._factor, rhs, lower=1, trans=1)
@@ -354,7 +357,7 @@ class CondensedContact:
         array, shape (npieces + functionals, dim), m
             In the needle's frame: axial, then lateral components.
         """
-        path = np.hstack([self.axial[: self.covered, None], laterals]).ravel()
+        path = np.hstack([self.friction_forces[: self.active_segments, None], laterals]).ravel()
         w = self._w[: self._size, : self._size]
         pieces = w @ path + trial.coupling.T @ forces + self._background()
         tried = trial.coupling @ path + trial.bare @ forces
@@ -427,7 +430,7 @@ class ShaftEquations:
         stiffness : float, N/m
             Stiffness of its lateral penalty.
         """
-        dim, count = contact.dim, contact.covered
+        dim, count = contact.dim, contact.active_segments
         cross = trial.coupling[:, ::dim] - trial.half.T @ sliding.half
         bare = trial.half.T @ sliding.held
         if contact.background is not None:

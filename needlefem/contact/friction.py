@@ -25,7 +25,7 @@ ROUND_OFF = 1e-14
 """Round-off of the gradient, relative to its largest term times the number of terms."""
 UNTOLD = (
     "the friction forces of sticking contact segments can't be resolved: the segments are too "
-    "short for the mesh; lengthen discretisation.path_spacing or set needle.stick_stiffness"
+    "short for the mesh; lengthen discretization.path_spacing or set needle.tangential_penalty"
 )
 NEWTON_STEPS = 12
 MOST_HALVINGS = 12

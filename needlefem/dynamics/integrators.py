@@ -139,11 +139,11 @@ def critical_step(system: System) -> float:
 
 
 NAMES: dict[str, type] = {
-    "quasi-static": QuasiStatic,
+    "quasi_static": QuasiStatic,
     "newmark": Newmark,
     "hht": HHT,
     "generalized-alpha": GeneralizedAlpha,
-    "central-difference": CentralDifference,
+    "central_difference": CentralDifference,
 }
 """The integrators by their names in a case."""
 

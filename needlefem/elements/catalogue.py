@@ -161,7 +161,7 @@ _ROWS = (
 CATALOGUE: dict[str, ElementType] = {row.name: row for row in _ROWS}
 
 
-def element_row(name: str, key: str = "discretisation.element") -> ElementType:
+def element_row(name: str, key: str = "discretization.element") -> ElementType:
     """Return an element of the catalogue, or an element of the user (``module:Name``).
 
     Raises

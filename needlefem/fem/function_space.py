@@ -42,7 +42,7 @@ class FunctionSpace:
         if element.cell != shape:
             remedy = f"use a mesh of {element.cell}s or another element"
             problem = f"{element.name} is not defined on {shape}s"
-            raise CaseError("discretisation.element", problem, remedy)
+            raise CaseError("discretization.element", problem, remedy)
         self.mesh, self.element = mesh, element
         self.dim: int = mesh.dim()
         self.basis = forms.displacement_basis(mesh, element, element.stiffness_rule)

@@ -111,7 +111,7 @@ class CellFields:
         if self.model.element.volume != MIXED:
             remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
             problem = f"{self.model.element.name} has no pressure field"
-            raise CaseError("discretisation.element", problem, remedy)
+            raise CaseError("discretization.element", problem, remedy)
         found: Floats = -self.stress(u)[:, :3].mean(axis=1)
         return found
 
@@ -143,7 +143,7 @@ def stresses(
             f"the stress of {element.name} is not accurate at Poisson's ratio "
             f"{stiffness.poissons_ratio:.6g} (it is available up to {element.stress_limit:g})"
         )
-        raise CaseError("discretisation.element", problem, remedy)
+        raise CaseError("discretization.element", problem, remedy)
     gradient = _gradient(space, u, reference)
     strain = np.stack(forms.strain(gradient), axis=0)
     found: Floats = np.einsum("ijc,jcq->cqi", stiffness.law, strain)

@@ -119,7 +119,7 @@ class Stiffness:
         if self._element.definite and self.compressibility.min() == 0.0:
             remedy = "use a mixed element: P2-P1, Q2-Q1 or MINI"
             problem = f"{self._element.name} can't be used for incompressible tissue"
-            raise CaseError("discretisation.element", problem, remedy)
+            raise CaseError("discretization.element", problem, remedy)
         if self._element.volume == DISPLACEMENT:
             m = volumetric(space.dim)
             kappas = np.array([part.kappa for part in splits])

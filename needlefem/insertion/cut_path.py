@@ -209,7 +209,7 @@ class TipTrajectory:
         tips, depths = insertion.tips[kept], insertion.depths[kept]
         steps = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         length = np.concatenate([[0.0], np.cumsum(steps)])
-        snaps = [np.searchsorted(kept, [snap.first, snap.last]) for snap in insertion.snaps]
+        snaps = [np.searchsorted(kept, [snap.first, snap.last]) for snap in insertion.ruptures]
         ends = [0, *(last for _, last in snaps)]
         stops = [*(first + 1 for first, _ in snaps), len(tips)]
         self.pieces = [

@@ -64,14 +64,17 @@ def energy_terms(insertion: Insertion, *, trapezoidal: bool = False) -> EnergyTe
     return EnergyTerms(
         work=work,
         strain=float(energy[-1] - energy[0]),
-        hold=_hold(insertion, insertion.states[-1]) - _hold(insertion, insertion.states[0]),
+        lateral_penalty_energy=_hold(insertion, insertion.states[-1])
+        - _hold(insertion, insertion.states[0]),
         friction=float(sum(rubbed)),
         cutting=float(sum(pair[0] for pair in tip)),
-        snap=float(sum(pair[1] for pair in tip)),
-        capture=float(sum(step.capture() for step in steps)),
-        turnover=turnover,
-        least=min((min(parts) for parts in taken), default=0.0),
-        identity=float(np.max(np.abs(np.diff(energy) - on_tissue)) / work) if work else 0.0,
+        rupture=float(sum(pair[1] for pair in tip)),
+        contact_activation=float(sum(step.capture() for step in steps)),
+        total_absolute_work=turnover,
+        smallest_dissipation=min((min(parts) for parts in taken), default=0.0),
+        strain_energy_mismatch=float(np.max(np.abs(np.diff(energy) - on_tissue)) / work)
+        if work
+        else 0.0,
     )
 
 
@@ -206,26 +209,28 @@ class EnergyIncrement:
 
     work: float
     strain: float
-    hold: float
+    lateral_penalty_energy: float
     friction: float
     cutting: float
-    snap: float
-    capture: float
+    rupture: float
+    contact_activation: float
     caught: float
-    mismatch: float
+    strain_energy_mismatch: float
 
     @property
     def tip(self) -> float:
         """What the tip took."""
-        return self.cutting + self.snap
+        return self.cutting + self.rupture
 
     @property
-    def least(self) -> float:
+    def smallest_dissipation(self) -> float:
         """The least that friction, cutting, a snap or all together took: none may give.
 
         Not counted is the lateral hold, which is elastic: it gives back what it stored.
         """
-        return min(self.friction, self.cutting, self.snap, self.friction + self.tip + self.caught)
+        return min(
+            self.friction, self.cutting, self.rupture, self.friction + self.tip + self.caught
+        )
 
 
 @dataclasses.dataclass
@@ -244,11 +249,11 @@ class EnergyBalance:
 
     Attributes
     ----------
-    least : float
+    smallest_dissipation : float
         The least of `EnergyIncrement.least`.
-    mismatch : float
+    largest_mismatch : float
         Largest difference of a step's work from all that it was spent on (elastic tissue).
-    turnover : float
+    total_absolute_work : float
         Work of all steps, whatever its sign.
     """
 
@@ -257,18 +262,18 @@ class EnergyBalance:
     inertial: bool = False
     work: float = 0.0
     strain: float = 0.0
-    hold: float = 0.0
+    lateral_penalty_energy: float = 0.0
     friction: float = 0.0
     cutting: float = 0.0
-    snap: float = 0.0
-    capture: float = 0.0
-    relaxation: float = 0.0
+    rupture: float = 0.0
+    contact_activation: float = 0.0
+    viscoelastic: float = 0.0
     kinetic: float = 0.0
     damping: float = 0.0
-    algorithmic: float = 0.0
-    least: float = 0.0
-    mismatch: float = 0.0
-    turnover: float = 0.0
+    algorithmic_dissipation: float = 0.0
+    smallest_dissipation: float = 0.0
+    largest_mismatch: float = 0.0
+    total_absolute_work: float = 0.0
 
     def weigh(
         self, old: State, new: State, fields: tuple[Field, Field], front: float
@@ -306,8 +311,8 @@ class EnergyBalance:
         let_go = self._let_go(old, new, sides, travel)
         friction, capture = friction - caught - let_go, capture + let_go
         return EnergyIncrement(
-            work=work, strain=strain, hold=hold, friction=friction, cutting=cutting, snap=snap,
-            capture=capture + caught, caught=caught, mismatch=mismatch,
+            work=work, strain=strain, lateral_penalty_energy=hold, friction=friction, cutting=cutting, rupture=snap,
+            contact_activation=capture + caught, caught=caught, strain_energy_mismatch=mismatch,
         )  # fmt: skip
 
     def _let_go(
@@ -344,44 +349,66 @@ class EnergyBalance:
 
     def add(self, spent: EnergyIncrement) -> None:
         """Account for a step."""
-        for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
+        for name in (
+            "work",
+            "strain",
+            "lateral_penalty_energy",
+            "friction",
+            "cutting",
+            "rupture",
+            "contact_activation",
+        ):
             setattr(self, name, getattr(self, name) + getattr(spent, name))
-        self.turnover += abs(spent.work)
-        self.mismatch = max(self.mismatch, abs(spent.mismatch))
-        self.least = min(self.least, spent.least)
+        self.total_absolute_work += abs(spent.work)
+        self.largest_mismatch = max(self.largest_mismatch, abs(spent.strain_energy_mismatch))
+        self.smallest_dissipation = min(self.smallest_dissipation, spent.smallest_dissipation)
 
     def begin(self, found: EnergyTerms) -> None:
         """Go on from the ledger of a march."""
-        for name in ("work", "strain", "hold", "friction", "cutting", "snap", "capture"):
+        for name in (
+            "work",
+            "strain",
+            "lateral_penalty_energy",
+            "friction",
+            "cutting",
+            "rupture",
+            "contact_activation",
+        ):
             setattr(self, name, getattr(found, name))
-        self.turnover, self.mismatch = found.turnover, found.identity * abs(found.work)
-        self.least = min(found.least, 0.0)
+        self.total_absolute_work, self.largest_mismatch = (
+            found.total_absolute_work,
+            found.strain_energy_mismatch * abs(found.work),
+        )
+        self.smallest_dissipation = min(found.smallest_dissipation, 0.0)
 
     def set_tissue(self, energies: Mapping[str, float]) -> None:
         """Take the tissue's energies, stored and lost, from a medium that knows them."""
         if not energies:
             return
-        self.strain, self.mismatch = energies["strain"] + energies["stored"], 0.0
-        for name in ("relaxation", "kinetic", "damping", "algorithmic"):
-            setattr(self, name, energies.get(name, 0.0))
+        self.strain, self.largest_mismatch = energies["strain"] + energies["stored"], 0.0
+        self.viscoelastic = energies.get("relaxation", 0.0)
+        self.kinetic, self.damping = energies.get("kinetic", 0.0), energies.get("damping", 0.0)
+        self.algorithmic_dissipation = energies.get("algorithmic", 0.0)
 
     def energy_terms(self) -> EnergyTerms:
         """Return the energies."""
         return EnergyTerms(
             work=self.work,
             strain=self.strain,
-            hold=self.hold,
+            lateral_penalty_energy=self.lateral_penalty_energy,
             friction=self.friction,
             cutting=self.cutting,
-            snap=self.snap,
-            capture=self.capture,
-            relaxation=self.relaxation,
+            rupture=self.rupture,
+            contact_activation=self.contact_activation,
+            viscoelastic=self.viscoelastic,
             kinetic=self.kinetic,
             damping=self.damping,
-            algorithmic=self.algorithmic,
-            turnover=self.turnover,
-            least=self.least,
-            identity=self.mismatch / self.turnover if self.turnover else 0.0,
+            algorithmic_dissipation=self.algorithmic_dissipation,
+            total_absolute_work=self.total_absolute_work,
+            smallest_dissipation=self.smallest_dissipation,
+            strain_energy_mismatch=self.largest_mismatch / self.total_absolute_work
+            if self.total_absolute_work
+            else 0.0,
         )
 
 

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from needlefem.insertion.progress import Progress
 
 CHANGES = {
-    (TipPhase.LOADING, TipPhase.RETRACTED): "withdrawal",
-    (TipPhase.CUTTING, TipPhase.RETRACTED): "withdrawal",
-    (TipPhase.RETRACTED, TipPhase.LOADING): "return",
-    (TipPhase.RETRACTED, TipPhase.CUTTING): "return",
+    (TipPhase.LOADING, TipPhase.RETRACTED): "retraction_start",
+    (TipPhase.CUTTING, TipPhase.RETRACTED): "retraction_start",
+    (TipPhase.RETRACTED, TipPhase.LOADING): "recontact",
+    (TipPhase.RETRACTED, TipPhase.CUTTING): "recontact",
     (TipPhase.RETRACTED, TipPhase.OUTSIDE): "exit",
     (TipPhase.OUTSIDE, TipPhase.RETRACTED): "entry",
 }
@@ -85,10 +85,10 @@ class EventLog:
         slipping = np.count_nonzero(new.slipping[1:])
         if self._sticking and slipping == len(new.friction_force) - 1:
             self._sticking = False
-            self.record("breakaway", friction, new)
+            self.record("full_slip", friction, new)
         elif not self._sticking and slipping == 0:
             self._sticking = True
-            self.record("grip", friction, new)
+            self.record("full_stick", friction, new)
 
     def release(self, name: str, state: State, world: Vector) -> None:
         """Let the tip, at a point of the world, let go of something."""
@@ -99,7 +99,7 @@ class EventLog:
                 time=state.time,
                 released_at=world,
                 point=state.tip,
-                shortcut=self._shortcut(state),
+                elastic_prediction=self._shortcut(state),
                 weights=weights,
                 inside=len(state.friction_force) > 0,
             )
@@ -175,7 +175,7 @@ def crossing_on_path(progress: "Progress", tick: TimeStep) -> float:
     low, high = share, 1.0  # is it out there, or held on to by tissue that it drags along?
     for _ in range(BISECTIONS):
         depth = _begun(progress, tick, share)
-        if trial_step(progress.equations(), now.tip_phase, arc, depth).way is TipPhase.OUTSIDE:
+        if trial_step(progress.equations(), now.tip_phase, arc, depth).phase is TipPhase.OUTSIDE:
             high = share
             if share == low:
                 break

@@ -40,7 +40,7 @@ def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State
         Of the needle on the march.
     """
     contact, state = march.contact, march.states[-1]
-    limits = contact.axial
+    limits = contact.friction_forces
     for number, later in enumerate(march.states[2:], 1):
         track.crack_front = later.tip
         track.extend(float(limits[number]))
@@ -174,7 +174,7 @@ class InsertionRun:
     @property
     def _marches(self) -> bool:
         """Whether the motion begins with a march along the path."""
-        return self.scene.discretisation.integrator == "march" and self._legs[0].end > 0.0
+        return self.scene.discretization.integrator == "path_following" and self._legs[0].end > 0.0
 
     @property
     def _alone(self) -> bool:
@@ -217,13 +217,13 @@ class InsertionRun:
     def _longest_steps(self) -> tuple[float, float]:
         """Return the longest time of a step, s, and the longest travel of the needle, m."""
         spacing = self.instrument.spacing
-        wanted = self.scene.discretisation.time_step or np.inf
+        wanted = self.scene.discretization.time_step or np.inf
         if not self.medium.timeless and not np.isfinite(wanted):
             wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
         longest = spacing / STEPS_A_PIECE
         needle = self.scene.needle
-        if needle.static_friction > 1.0 and needle.weakening_length > 0.0:
-            longest = min(longest, needle.weakening_length / STEPS_A_PIECE)
+        if needle.static_friction_ratio > 1.0 and needle.slip_weakening_distance > 0.0:
+            longest = min(longest, needle.slip_weakening_distance / STEPS_A_PIECE)
         return wanted, longest
 
     def _check_steps(self) -> None:
@@ -233,9 +233,9 @@ class InsertionRun:
         still = self.medium.timeless  # while the needle rests nothing happens then
         time = sum(leg.duration for leg in self._legs if not still or leg.start != leg.end)
         if time / wanted > travel / longest:
-            key, remedy = "discretisation.time_step", "a longer step or a shorter motion"
+            key, remedy = "discretization.time_step", "a longer step or a shorter motion"
         else:
-            key, remedy = "discretisation.path_spacing", "a longer spacing"
+            key, remedy = "discretization.path_spacing", "a longer spacing"
         self.expected_steps = max(time / wanted, travel / longest)
         check_steps(self.expected_steps, key, remedy, self.scene.limits)
 
@@ -262,8 +262,8 @@ class InsertionRun:
             outcome=outcome,
             states=states,
             pieces=tuple(stepping.pieces),
-            snaps=(*snaps, *stepping.snaps),
-            evaluations=stepping.evaluations,
+            ruptures=(*snaps, *stepping.snaps),
+            contact_solves=stepping.evaluations,
             events=(*self._events(), *self._kept, *stepping.event_log.events),
             seeds=tuple(stepping.event_log.seeds),
             energies=stepping.energy_balance.energy_terms(),
@@ -278,7 +278,7 @@ class InsertionRun:
             found.append(self._event("puncture", states[1], 0.0))
         for snap in self.march.snaps[max(len(found) - 1, 0) :]:
             energy = released(self._marched_result(), snap)
-            found.append(self._event("snap", states[snap.last], energy))
+            found.append(self._event("rupture", states[snap.last], energy))
         return tuple(found)
 
     def _event(self, kind: str, state: State, energy: float) -> Event:

@@ -69,21 +69,21 @@ def deepest(motion: Motion) -> float:
 
 def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[MotionStage]:
     releases = () if stage.release is None else (stage.release,)
-    if stage.hold is not None:
-        return [MotionStage(depth, depth, stage.hold, releases)]
-    end, speed = stage.to, stage.speed or motion.speed
+    if stage.dwell is not None:
+        return [MotionStage(depth, depth, stage.dwell, releases)]
+    end, speed = stage.depth, stage.speed or motion.speed
     assert end is not None
     if end > motion.max_depth:
         problem = f"{end:g} m is beyond motion.max_depth, {motion.max_depth:g} m"
         raise CaseError(f"{key}.to", problem, "choose a smaller depth or raise max_depth")
-    if stage.train is None:
+    if stage.seed_count is None:
         return [MotionStage(depth, end, abs(end - depth) / speed, releases)]
     return _train(stage, depth, end, speed, key)
 
 
 def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> list[MotionStage]:
     """Return the legs between the seeds of a train, the first of which stays at the start."""
-    count, pitch = stage.train or 0, stage.pitch
+    count, pitch = stage.seed_count or 0, stage.seed_spacing
     if pitch is None or end >= depth or depth - end < (count - 1) * pitch * (1.0 - EVEN):
         problem = f"no room for {count} seeds on the way from {depth:g} to {end:g} m"
         raise CaseError(f"{key}.train", problem, "give 'pitch', and retract over all of the train")

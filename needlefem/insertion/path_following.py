@@ -155,8 +155,8 @@ class PathFollowing:
             outcome=self.outcome,
             states=tuple(self.states),
             pieces=tuple(self.contact.pieces),
-            snaps=tuple(self.snaps),
-            evaluations=self._solver.evaluations,
+            ruptures=tuple(self.snaps),
+            contact_solves=self._solver.evaluations,
         )
 
     def _states_to_depth(self) -> Iterator[State]:
@@ -344,7 +344,7 @@ class PathFollowing:
                 tip_lateral=np.zeros(len(step.lateral)),
                 tip_nodes=weights.nodes,
                 tip_weights=weights.rows[0],
-                friction_force=self.contact.axial,
+                friction_force=self.contact.friction_forces,
                 lateral_force=np.vstack([lateral, step.lateral]),
                 segment_displacement=np.concatenate([moved[:-2], moved[-1:]]),
                 jumping=jumping,
@@ -392,7 +392,7 @@ class PathFollowing:
         own = travel - float(moved[-1, 0] - was[dim])
         if own < -STICK_TOLERANCE or slip.min(initial=0.0) < -STICK_TOLERANCE:
             raise _StopError(
-                Status.RESTICK,
+                Status.STICK_DETECTED,
                 f"a point of the shaft stops slipping at depth {100.0 * step.depth:.4g} cm; "
                 "path following ends there",
             )
@@ -425,7 +425,7 @@ class PathFollowing:
         turnover = 0.5 * float((force[1:] + force[:-1]) @ np.abs(travel))
         if least < -CREATED * turnover:
             raise _StopError(
-                Status.RESTICK,
+                Status.STICK_DETECTED,
                 f"at depth {100.0 * step.depth:.4g} cm the tissue goes ahead of the tip that cuts "
                 "it; path following ends there",
             )

@@ -28,7 +28,7 @@ SAME = 1e-6
 
 
 def _inertial(insertion: Insertion) -> bool:
-    return insertion.scene.discretisation.integrator in DYNAMIC
+    return insertion.scene.discretization.integrator in DYNAMIC
 
 
 def gone_through(insertion: Insertion, numbers: Ints) -> Floats:
@@ -121,7 +121,7 @@ class StrainCheck:
         Largest principal strain (absolute) outside the tip's kernel.
     smallest_volume_ratio : float
         Smallest ``det(I + grad u)`` outside the tip's kernel.
-    folded_cells : int
+    inverted_cells : int
         Cells, the kernel's among them, that the displacement turns over.
     strain_limit : float
         That the case trusts small strain with.
@@ -129,7 +129,7 @@ class StrainCheck:
 
     largest_strain: float
     smallest_volume_ratio: float
-    folded_cells: int
+    inverted_cells: int
     strain_limit: float = LARGE_STRAIN
 
     @property
@@ -153,8 +153,8 @@ class StrainCheck:
                 f"the largest strain away from the tip is {self.largest_strain:.2f}: "
                 "beyond small strain, take displacements there as indicative"
             )
-        if self.folded_cells:
-            found.append(f"{self.folded_cells} mesh cells fold over: the state is not physical")
+        if self.inverted_cells:
+            found.append(f"{self.inverted_cells} mesh cells fold over: the state is not physical")
         return found
 
 
@@ -171,6 +171,6 @@ def validity(insertion: Insertion, state: int) -> StrainCheck:
     return StrainCheck(
         largest_strain=float(np.max(np.abs(strain[away]))),
         smallest_volume_ratio=float(np.min(volume[away])),
-        folded_cells=int(np.count_nonzero(np.min(volume, axis=1) <= 0.0)),
+        inverted_cells=int(np.count_nonzero(np.min(volume, axis=1) <= 0.0)),
         strain_limit=insertion.scene.outputs.strain_limit,
     )

@@ -96,7 +96,7 @@ class Progress:
         self.track = CutPath(instrument)
         self.pieces: list[ContactSegment] = []
         stiffness = friction.stiffness
-        give = instrument.lateral_stiffness / stiffness if stiffness > 0.0 else 0.0
+        give = instrument.lateral_penalty / stiffness if stiffness > 0.0 else 0.0
         self.account = EnergyBalance(self.pieces, give, inertial=medium.inertial)
         self.chronicle = EventLog(self.track, timeless=medium.timeless)
         self.tip_at_entry = instrument.tip(instrument.axis.entry)
@@ -131,8 +131,10 @@ class Progress:
         for state in march.states:
             self.chronicle.record_deepest(state)
         stored = self._stored_by_sticking()
-        hold, friction = spent.hold + stored, spent.friction - stored
-        self.account.begin(dataclasses.replace(spent, hold=hold, friction=friction))
+        hold, friction = spent.lateral_penalty_energy + stored, spent.friction - stored
+        self.account.begin(
+            dataclasses.replace(spent, lateral_penalty_energy=hold, friction=friction)
+        )
 
     def _stored_by_sticking(self) -> float:
         """Return the energy of the tangential penalty, J (J/m in 2D): all of it is at the limit."""
@@ -171,7 +173,7 @@ class Progress:
         solution = moment.solution
         if solution is None:
             return self.free(time, moment.depth)
-        if moment.way in (TipPhase.CUTTING, TipPhase.RUPTURE):
+        if moment.phase in (TipPhase.CUTTING, TipPhase.RUPTURE):
             self.check_inside(solution.position.tip, moment.depth)
             arc = self.track.arcs[-1] + solution.position.length
             moment = dataclasses.replace(moment, arc=arc)
@@ -249,14 +251,14 @@ class Progress:
         solution, state = moment.solution, found.state
         assert solution is not None
         assert state.partial_segment is not None
-        ahead = moment.way in (TipPhase.CUTTING, TipPhase.RUPTURE)
+        ahead = moment.phase in (TipPhase.CUTTING, TipPhase.RUPTURE)
         if ahead:
             track.crack_front = solution.position.tip
         track.store(state.friction_force, solution.slipped)
         self._keep(found)
         self.arc = moment.arc
         long = solution.position.length >= (1.0 - 1e-9) * self.instrument.spacing
-        if ahead and (long or moment.whole):
+        if ahead and (long or moment.segment_full):
             end, trial = state.partial_segment, solution.position.trial
             self.contact.append_segment(
                 trial, 1, float(state.friction_force[-1]), end.offset, end.compliance

@@ -233,7 +233,7 @@ class DynamicResponse:
         stepper = self.integrator.stepper(self.system, duration)
         if self._refuse and bound_radius(stepper.weights) >= RINGS:
             raise CaseError(
-                "discretisation.integrator",
+                "discretization.integrator",
                 "average acceleration rings for ever where a needle binds the tissue",
                 "take newmark_gamma above 0.5, or generalised-alpha with rho_inf below 1",
             )
@@ -265,8 +265,8 @@ def dynamic_response(
     CaseError
         The mass can't be lumped so, or the tissue has none.
     """
-    numbers = scene.discretisation
-    lumping = None if numbers.mass == "consistent" else numbers.mass
+    numbers = scene.discretization
+    lumping = None if numbers.mass_matrix == "consistent" else numbers.mass_matrix
     system = TissueSystem(model, damping_of(scene.damping), lumping)
     gamma = numbers.newmark_gamma
     newmark = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)

@@ -23,7 +23,7 @@ class Status(StrEnum):
     COMPLETED = "completed"
     STOPPED = "stopped"
     NOT_PUNCTURED = "not_punctured"
-    RESTICK = "restick"
+    STICK_DETECTED = "stick_detected"
     NOT_CONVERGED = "not_converged"
     LEFT_TISSUE = "left_tissue"
     NO_NODE = "no_node"
@@ -114,7 +114,7 @@ class Seed:
     time: float
     released_at: Vector
     point: Vector
-    shortcut: Vector
+    elastic_prediction: Vector
     weights: LinearFunctionals
     inside: bool
 
@@ -146,31 +146,48 @@ class EnergyTerms:
 
     work: float
     strain: float
-    hold: float
+    lateral_penalty_energy: float
     friction: float
     cutting: float
-    snap: float
-    capture: float
-    identity: float
-    contact: float = 0.0
-    relaxation: float = 0.0
+    rupture: float
+    contact_activation: float
+    strain_energy_mismatch: float
+    crack_front: float = 0.0
+    viscoelastic: float = 0.0
     kinetic: float = 0.0
     damping: float = 0.0
-    algorithmic: float = 0.0
-    turnover: float = 0.0
-    least: float = 0.0
+    algorithmic_dissipation: float = 0.0
+    total_absolute_work: float = 0.0
+    smallest_dissipation: float = 0.0
 
     @property
-    def given(self) -> float:
+    def largest_energy_gain(self) -> float:
         """The most that friction, cutting or snaps gave in a step, relative to the turnover."""
-        return max(-self.least, 0.0) / self.turnover if self.turnover else 0.0
+        return (
+            max(-self.smallest_dissipation, 0.0) / self.total_absolute_work
+            if self.total_absolute_work
+            else 0.0
+        )
 
     @property
     def residual(self) -> float:
         """What is missing, relative to the needle's work (its turnover in any motion)."""
-        spent = self.strain + self.hold + self.friction + self.cutting + self.snap + self.capture
-        spent += self.contact + self.relaxation + self.kinetic + self.damping + self.algorithmic
-        scale = self.turnover or abs(self.work)
+        spent = (
+            self.strain
+            + self.lateral_penalty_energy
+            + self.friction
+            + self.cutting
+            + self.rupture
+            + self.contact_activation
+        )
+        spent += (
+            self.crack_front
+            + self.viscoelastic
+            + self.kinetic
+            + self.damping
+            + self.algorithmic_dissipation
+        )
+        scale = self.total_absolute_work or abs(self.work)
         return abs(self.work - spent) / scale if scale else 0.0
 
 
@@ -209,8 +226,8 @@ class Insertion:
     outcome: Outcome
     states: tuple[State, ...]
     pieces: tuple[ContactSegment, ...]
-    snaps: tuple[Rupture, ...]
-    evaluations: int
+    ruptures: tuple[Rupture, ...]
+    contact_solves: int
     events: tuple[Event, ...] = ()
     seeds: tuple[Seed, ...] = ()
     energies: EnergyTerms | None = None

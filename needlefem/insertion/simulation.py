@@ -126,7 +126,7 @@ class Simulation:
             spent = f"{known.size} rows, {known.solves} back-substitutions"
             found["responses"] = f"{known.way}: {spent}"
         if self._sticking is not None and self._sticking.reason:
-            found["stick_stiffness"] = self._sticking.reason
+            found["tangential_penalty"] = self._sticking.reason
         return found
 
     @property
@@ -135,7 +135,7 @@ class Simulation:
         found = self.resolved.warnings
         if self._sticking is None or not self._sticking.reason:
             return found
-        chosen = f"needle.stick_stiffness is chosen: {self._sticking.reason}"
+        chosen = f"needle.tangential_penalty is chosen: {self._sticking.reason}"
         doubts = stick_warnings(self.scene)  # of rigid sticking
         return (*(warning for warning in found if warning not in doubts), chosen)
 
@@ -143,7 +143,7 @@ class Simulation:
     def steps(self) -> bool:
         """Whether the scene's motion needs time steps, beyond what a march can do."""
         motion = self.scene.motion
-        marched = self.scene.discretisation.integrator == "march"
+        marched = self.scene.discretization.integrator == "path_following"
         return not marched or bool(motion.stages or motion.times)
 
     def check(self, entry: Entry | None = None) -> tuple[CheckResult, ...]:
@@ -190,10 +190,10 @@ class Simulation:
         )
         if entry is None:
             return None
-        aside = max(abs(height) for height in scene.planning.height_range)
+        aside = max(abs(height) for height in scene.planning.offset_range)
         end = entry.point + deepest(scene.motion) * self.direction
         corridor = Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
-        segments = int(np.ceil(deepest(scene.motion) / scene.discretisation.path_spacing))
+        segments = int(np.ceil(deepest(scene.motion) / scene.discretization.path_spacing))
         return ExpectedLoads.of(corridor, segments, self._expected)
 
     @cached_property
@@ -281,12 +281,14 @@ class Simulation:
 
         needle = self.scene.needle
         stiffness = self.sticking(entry).stiffness
-        return SlipWeakeningFriction(needle.static_friction, needle.weakening_length, stiffness)
+        return SlipWeakeningFriction(
+            needle.static_friction_ratio, needle.slip_weakening_distance, stiffness
+        )
 
     def instrument(self, entry: Entry) -> NeedleInterface:
         """Return the needle on the line that starts at an entry."""
-        needle, numbers = self.scene.needle, self.scene.discretisation
-        radius, points = needle.tip_radius, numbers.kernel_points
+        needle, numbers = self.scene.needle, self.scene.discretization
+        radius, points = needle.tip_radius, numbers.tip_quadrature_points
         kernel: Kernel = TipKernel(radius, points, entry.point, entry.inward)
         section = cross_section(radius, points, self.model.dim)
         if needle.tip == "point":
@@ -298,7 +300,7 @@ class Simulation:
             cutting_force=self.cutting_force,
             shaft_friction=self.shaft_friction,
             section=section,
-            lateral_stiffness=needle.lateral_stiffness,
+            lateral_penalty=needle.lateral_penalty,
             spacing=numbers.path_spacing,
             inward=entry.inward,
         )
@@ -344,7 +346,7 @@ class Simulation:
 
     def _tissue_response(self) -> TissueResponse:
         """Return the tissue in time; what has inertia or a memory is imported with it."""
-        if self.scene.discretisation.integrator in DYNAMIC:
+        if self.scene.discretization.integrator in DYNAMIC:
             from needlefem.insertion.response_in_time import dynamic_response  # noqa: PLC0415
 
             return dynamic_response(self.scene, self.model, self._expected_loads())
@@ -392,7 +394,7 @@ class Discretised:
     cells_along_needle : float or None, m
         Size of the largest cell on the needle's line; None if it meets none.
     path_spacing : float, m
-    kernel_points : int
+    tip_quadrature_points : int
         Quadrature points of the tip's kernel.
     integrator : str
     """
@@ -404,7 +406,7 @@ class Discretised:
     largest_cell: float
     cells_along_needle: float | None
     path_spacing: float
-    kernel_points: int
+    tip_quadrature_points: int
     integrator: str
 
     def __str__(self) -> str:
@@ -424,7 +426,7 @@ class Discretised:
 
 def discretised(simulation: Simulation, entry: Entry) -> Discretised:
     """Return how fine a simulation's discretisation is, along a needle too."""
-    model, numbers = simulation.model, simulation.scene.discretisation
+    model, numbers = simulation.model, simulation.scene.discretization
     sizes, along = cell_sizes(model.mesh), sizes_along(simulation, entry)
     return Discretised(
         element=model.element.name,
@@ -434,6 +436,6 @@ def discretised(simulation: Simulation, entry: Entry) -> Discretised:
         largest_cell=float(np.max(sizes)),
         cells_along_needle=float(along.max()) if along.size else None,
         path_spacing=numbers.path_spacing,
-        kernel_points=numbers.kernel_points,
+        tip_quadrature_points=numbers.tip_quadrature_points,
         integrator=numbers.integrator,
     )

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class TipPhase(StrEnum):
     """What the tip does."""
 
-    LOADING = "pressing"
+    LOADING = "loading"
     CUTTING = "cutting"
-    RUPTURE = "jumping"
-    RETRACTED = "withdrawn"
-    OUTSIDE = "out"
+    RUPTURE = "rupture"
+    RETRACTED = "retracted"
+    OUTSIDE = "outside"
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -222,7 +222,7 @@ def _add(target: Floats, dofs: Ints, weights: Floats, force: Floats) -> None:
 
 def depends_on_time(insertion: "Insertion") -> bool:
     """Say whether a state's displacement is more than what its forces do at rest."""
-    inertial = insertion.scene.discretisation.integrator in DYNAMIC
+    inertial = insertion.scene.discretization.integrator in DYNAMIC
     return inertial or bool(insertion.model.branches)
 
 
@@ -329,7 +329,7 @@ def state_from_trial(
     solution = moment.solution
     assert solution is not None
     position, dim = solution.position, contact.dim
-    whole, trial, pull = position.whole, position.trial, solution.forces[:-1]
+    whole, trial, pull = position.full_segments, position.trial, solution.forces[:-1]
     contact.set_friction(pull[:whole])
     forces = np.zeros(2 * dim)
     forces[0], forces[dim] = solution.tip_force, pull[whole]
@@ -347,12 +347,12 @@ def state_from_trial(
         friction_force=pull,
         lateral_force=np.vstack([lateral, forces[dim + 1 :]]),
         segment_displacement=np.delete(moved, whole, axis=0),
-        jumping=moment.way is TipPhase.RUPTURE,
+        jumping=moment.phase is TipPhase.RUPTURE,
         time=time,
         inserted_length=moment.arc,
         partial_segment=_end(track, solution),
         slipping=np.sign(solution.slip).astype(int),
-        tip_phase=moment.way,
+        tip_phase=moment.phase,
         tip_displacement=float(moved[whole, 0]),
     )
     path = np.column_stack([pull[:whole], lateral]).ravel()
@@ -362,7 +362,7 @@ def state_from_trial(
 def _end(track: CutPath, solution: "StepSolution") -> ContactSegment:
     """Return the piece that the tip is in."""
     position, instrument = solution.position, track.instrument
-    last = track.vertices[position.whole - 1]
+    last = track.vertices[position.full_segments - 1]
     row = position.trial.weights.rows[1]
     used = np.flatnonzero(row)
     length = max(position.length, THIN * instrument.spacing)
@@ -370,7 +370,7 @@ def _end(track: CutPath, solution: "StepSolution") -> ContactSegment:
         position.trial.weights.nodes[used],
         row[used],
         instrument.axis.lateral_offset(0.5 * (position.tip + last)),
-        1.0 / (instrument.lateral_stiffness * length),
+        1.0 / (instrument.lateral_penalty * length),
     )
 
 

@@ -57,7 +57,7 @@ class TipPosition:
     """
 
     tip: Vector
-    whole: int
+    full_segments: int
     length: float
     trial: ContactTrial
     shaft: ShaftEquations
@@ -162,7 +162,7 @@ class StepEquations:
         """Return the equations with the tip at the crack front."""
         if self._front is None:
             self._front = self.at_point(self.track.crack_front, self.track.count)
-        elif self.contact.covered != self.track.count:
+        elif self.contact.active_segments != self.track.count:
             self.contact.set_active(self.track.count)
         return self._front
 
@@ -170,7 +170,7 @@ class StepEquations:
         """Return the equations with the tip at a material point, in the piece after `whole`."""
         self.evaluations += 1
         contact, instrument, axis = self.contact, self.instrument, self.instrument.axis
-        if contact.covered != whole:
+        if contact.active_segments != whole:
             contact.set_active(whole)
         last = self.track.vertices[whole - 1]
         weights = instrument.tip_and_piece(tip, last)
@@ -178,12 +178,12 @@ class StepEquations:
         length = float(np.linalg.norm(tip - last))
         sliding, before = self._sliding(whole)
         offset = axis.lateral_offset(0.5 * (tip + last))
-        stiffness = instrument.lateral_stiffness * length
+        stiffness = instrument.lateral_penalty * length
         own = self._field.means(LinearFunctionals(weights.nodes, weights.rows[1:]))[0, 0]
         friction = instrument.friction_at(weights) * length
         return TipPosition(
             tip=tip,
-            whole=whole,
+            full_segments=whole,
             length=length,
             trial=trial,
             shaft=ShaftEquations.build(contact, sliding, trial, offset, stiffness),
@@ -227,12 +227,12 @@ class StepEquations:
         Sticking that gives way is stretched by the force per length, which stays as it was where
         the tip is drawn back in a piece; material that it cuts anew carries none.
         """
-        whole, track = position.whole, self.track
+        whole, track = position.full_segments, self.track
         found = track.friction_force[: whole + 1]
         if self.friction.stiffness > 0.0:
             length = track.arcs[whole] - track.arcs[whole - 1] if whole < track.count else 0.0
             if self._partly is not None and self._partly[0] == whole:
-                length = 1.0 / (self.instrument.lateral_stiffness * self._partly[1])
+                length = 1.0 / (self.instrument.lateral_penalty * self._partly[1])
             if position.length < length:
                 found = found.copy()
                 found[-1] *= position.length / length
@@ -242,7 +242,7 @@ class StepEquations:
 
     def solve(self, position: TipPosition, depth: float, low: float, high: float) -> StepSolution:
         """Solve for friction, and for the tip's force between bounds."""
-        axis, whole, track = self.instrument.axis, position.whole, self.track
+        axis, whole, track = self.instrument.axis, position.full_segments, self.track
         ends = np.diff(track.arcs[:whole], prepend=0.0)
         rub = FrictionStep(
             friction=self.friction,

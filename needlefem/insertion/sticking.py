@@ -57,7 +57,7 @@ def sticking(
     Parameters
     ----------
     needle : Needle
-        A `stick_stiffness` of 0 leaves the choice open.
+        A `tangential_penalty` of 0 leaves the choice open.
     instrument : NeedleInterface
         On the line that is looked at.
     responses : ComplianceOperator
@@ -73,7 +73,7 @@ def sticking(
     spacing = instrument.spacing
     count = int(length / spacing)
     if count < 2:  # one segment has no neighbour that the mesh could take it for
-        return Sticking(needle.stick_stiffness, 1.0, 1.0)
+        return Sticking(needle.tangential_penalty, 1.0, 1.0)
     compliance = straight_contact(instrument, responses, count).sliding().compliance
     lengths = np.full(count, spacing)
     softest = float(np.linalg.eigvalsh(compliance)[-1])
@@ -86,26 +86,26 @@ def sticking(
             compliance, SlipWeakeningFriction(stiffness=stiffness).slack(lengths)
         )
 
-    given, rigid = needle.stick_stiffness, condition(0.0)
+    given, rigid = needle.tangential_penalty, condition(0.0)
     stiffest = 0.5 * STICK_CONDITION / (softest * spacing)
     if given > 0.0:
         found = condition(given)
         if found > STICK_CONDITION:
             problem = (
                 f"{given:g} is too stiff for the mesh to tell apart what sticks on segments of "
-                f"{1e3 * spacing:.3g} mm (discretisation.path_spacing)"
+                f"{1e3 * spacing:.3g} mm (discretization.path_spacing)"
             )
-            raise CaseError("needle.stick_stiffness", problem, f"write {_rounded(stiffest):g}")
+            raise CaseError("needle.tangential_penalty", problem, f"write {_rounded(stiffest):g}")
         return Sticking(given, found, rigid)
     if rigid <= STICK_CONDITION:
         return Sticking(0.0, rigid, rigid)
-    limit = float(instrument.shaft_friction.max()) * max(1.0, needle.static_friction)
+    limit = float(instrument.shaft_friction.max()) * max(1.0, needle.static_friction_ratio)
     wanted = limit / (GIVES_WAY * needle.tip_radius)
     chosen = _rounded(min(wanted or stiffest, stiffest))
     unit = "N/m^3" if len(instrument.axis.frame) == 2 else "Pa"
     reason = (
         f"{chosen:g} {unit}, for the mesh can't tell apart what sticks on segments of "
-        f"{1e3 * spacing:.3g} mm (discretisation.path_spacing): what sticks gives way by up to "
+        f"{1e3 * spacing:.3g} mm (discretization.path_spacing): what sticks gives way by up to "
         f"{1e3 * limit / chosen:.2g} mm"
     )
     return Sticking(chosen, condition(chosen), rigid, reason)
@@ -118,11 +118,11 @@ def sticking_pieces(found: Sticking) -> CheckResult:
     """
     return CheckResult(
         name="sticking pieces",
-        requirement="segments of the path are long enough, or needle.stick_stiffness is small "
+        requirement="segments of the path are long enough, or needle.tangential_penalty is small "
         "enough, for the mesh to tell their sticking apart",
         value=found.condition,
         bound=STICK_CONDITION,
-        remedy="lengthen discretisation.path_spacing",
+        remedy="lengthen discretization.path_spacing",
     )
 
 
@@ -147,7 +147,7 @@ def straight_contact(
     """
     axis, spacing = instrument.axis, instrument.spacing
     contact = CondensedContact(responses, axis.frame)
-    hold = 1.0 / (instrument.lateral_stiffness * spacing)
+    hold = 1.0 / (instrument.lateral_penalty * spacing)
     for number in range(count):
         ends = axis.tip_position((number + 1) * spacing), axis.tip_position(number * spacing)
         trial = contact.trial(instrument.tip_and_piece(*ends))

@@ -148,17 +148,17 @@ class TimeStepping:
         equations = self._progress.equations()
         new = trial_step(equations, old.tip_phase, arc, tick.depth)
         room = np.inf
-        if new.way is TipPhase.CUTTING and new.solution is None:
+        if new.phase is TipPhase.CUTTING and new.solution is None:
             room = self._progress.room()
         if timeless:
-            if new.way is not old.tip_phase:
+            if new.phase is not old.tip_phase:
                 new = first_event(equations, old, arc, new) or new
             new = limit_to_segment(equations, new, room)
-        if new.way is TipPhase.CUTTING and new.solution is None:
+        if new.phase is TipPhase.CUTTING and new.solution is None:
             yield from self._rupture(tick, start)
         else:
             found = self._progress.found(new, tick.time_at(new.depth, start))
-            if self._crosses_skin(tick, new.way is TipPhase.OUTSIDE):
+            if self._crosses_skin(tick, new.phase is TipPhase.OUTSIDE):
                 share = crossing_on_path(self._progress, tick)
                 if share < 1.0:
                     yield self._accept(self._ended_at(share, tick), tick)
@@ -190,13 +190,15 @@ class TimeStepping:
 
     def _gains_energy(self, found: StepResult, most: float) -> bool:
         """Say whether contact gives more than a part of the turnover in a step."""
-        return found.spent.least < -most * (self.energy_balance.turnover + abs(found.spent.work))
+        return found.spent.smallest_dissipation < -most * (
+            self.energy_balance.total_absolute_work + abs(found.spent.work)
+        )
 
     def _refuse_energy_gain(self, found: StepResult) -> None:
         """Raise a `SimulationError` if contact gives energy in a step."""
         if self._gains_energy(found, REFUSED):
-            depth, work = self._progress.state.depth, self.energy_balance.turnover
-            share = -found.spent.least / (work + abs(found.spent.work))
+            depth, work = self._progress.state.depth, self.energy_balance.total_absolute_work
+            share = -found.spent.smallest_dissipation / (work + abs(found.spent.work))
             raise SimulationError(
                 f"beyond {depth:.4g} m contact would give energy, {share:.1e} of the work so far: "
                 "the tissue at the needle is strained beyond what small strain describes; refine "
@@ -236,7 +238,7 @@ class TimeStepping:
         first, track = progress.count, progress.track
         if timeless:
             depth = min(depth, progress.state.depth + NUDGE * self.instrument.spacing)
-        time, released = tick.time_at(depth, start), self.energy_balance.snap
+        time, released = tick.time_at(depth, start), self.energy_balance.rupture
         while True:
             equations = progress.equations()
             high, low = segment_target(equations), None
@@ -251,11 +253,11 @@ class TimeStepping:
             self._refuse_energy_gain(jump)
             yield progress.accept(jump)
         landing = find_arrest(equations, high, depth, low)
-        moment = TipTrial(TipPhase.CUTTING, track.length, depth, landing, whole=timeless)
+        moment = TipTrial(TipPhase.CUTTING, track.length, depth, landing, segment_full=timeless)
         found = progress.found(moment, time)
         state = self._accept(found, tick)
         self.snaps.append(Rupture(depth, first, progress.count))
-        self.event_log.record("snap", self.energy_balance.snap - released, state)
+        self.event_log.record("rupture", self.energy_balance.rupture - released, state)
         yield state
 
     def _advanced(self, equations: StepEquations, length: float, depth: float) -> StepSolution:

@@ -79,7 +79,7 @@ def solve_retraction(
             arc = wanted if inside else 0.5 * (near + far)
     raise SimulationError(
         f"where the retracted tip is on its cut path was not found at {100.0 * depth:.4g} cm in "
-        f"{MOST_BROYDEN_ITERATIONS} iterations; shorten discretisation.time_step or path_spacing"
+        f"{MOST_BROYDEN_ITERATIONS} iterations; shorten discretization.time_step or path_spacing"
     )
 
 

@@ -50,11 +50,11 @@ class TipTrial:
         and where it stops, as in path following.
     """
 
-    way: TipPhase
+    phase: TipPhase
     arc: float
     depth: float
     solution: StepSolution | None
-    whole: bool = False
+    segment_full: bool = False
 
 
 def trial_step(equations: StepEquations, way: TipPhase, arc: float, depth: float) -> TipTrial:
@@ -116,20 +116,20 @@ def first_event(
         At its end.
     """
     start, end, length = equations.depth, new.depth, equations.track.length
-    was_there, is_there = state.tip_phase in AT_FRONT, new.way in AT_FRONT
+    was_there, is_there = state.tip_phase in AT_FRONT, new.phase in AT_FRONT
     depth = None
     if was_there and not is_there and state.tip_force > 0.0:
         depth = _root(lambda s: _held(equations, s).tip_force, start, end)
-    elif was_there and new.way is TipPhase.CUTTING:
+    elif was_there and new.phase is TipPhase.CUTTING:
         if state.tip_force < (1.0 - CLOSE) * equations.front().cutting_force:
             depth = _root(lambda s: _held(equations, s).excess_cutting_force, start, end)
     elif is_there and not was_there:
         depth = _root(lambda s: _loose(equations, length, s).axial_gap, start, end)
         if depth is not None:
             return TipTrial(TipPhase.LOADING, length, depth, _loose(equations, length, depth))
-    elif new.way is TipPhase.OUTSIDE and state.tip_phase is not TipPhase.OUTSIDE:
+    elif new.phase is TipPhase.OUTSIDE and state.tip_phase is not TipPhase.OUTSIDE:
         return _exit(equations, arc, new)
-    elif state.tip_phase is TipPhase.OUTSIDE and new.way is not TipPhase.OUTSIDE:
+    elif state.tip_phase is TipPhase.OUTSIDE and new.phase is not TipPhase.OUTSIDE:
         depth = _root(lambda s: _loose(equations, 0.0, s).axial_gap, start, end)
         return None if depth is None else TipTrial(TipPhase.OUTSIDE, 0.0, depth, None)
     if depth is None:
@@ -146,14 +146,14 @@ def _exit(equations: StepEquations, arc: float, new: TipTrial) -> TipTrial | Non
     skin = _root(lambda s: _loose(equations, 0.0, s).axial_gap, low, high)
     if skin is not None:
         at_skin = _drawn(equations, arc, skin)
-        if at_skin is None or at_skin.way is TipPhase.OUTSIDE:
+        if at_skin is None or at_skin.phase is TipPhase.OUTSIDE:
             return TipTrial(TipPhase.OUTSIDE, 0.0, skin, None)
         low, last = skin, at_skin
     shortest = SPRING * abs(high - equations.depth)
     while abs(high - low) > max(shortest, SHORTEST):
         middle = 0.5 * (low + high)
         found = _drawn(equations, arc, middle)
-        if found is None or found.way is TipPhase.OUTSIDE:
+        if found is None or found.phase is TipPhase.OUTSIDE:
             high = middle
         else:
             low, last = middle, found
@@ -190,7 +190,7 @@ def limit_to_segment(equations: StepEquations, new: TipTrial, room: float = np.i
     room : float, m
         How far the tip may cut on at most.
     """
-    if new.way is not TipPhase.CUTTING:
+    if new.phase is not TipPhase.CUTTING:
         return new
     track, spacing = equations.track, equations.instrument.spacing
     if new.solution is None:
@@ -203,7 +203,7 @@ def limit_to_segment(equations: StepEquations, new: TipTrial, room: float = np.i
         return new
     there = abs(found.depth - new.depth) <= TOLERANCE
     depth = new.depth if there else found.depth
-    return TipTrial(TipPhase.CUTTING, track.length, depth, found, whole=not there)
+    return TipTrial(TipPhase.CUTTING, track.length, depth, found, segment_full=not there)
 
 
 # A tip that presses on uncut skin.

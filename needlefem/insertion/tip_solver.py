@@ -188,7 +188,7 @@ def not_found(length: float, last: Vector, turning: float, limit: float) -> str:
     )
     if not turning < LEAST_TURNING:
         return sentence + (
-            "shorten discretisation.path_spacing or refine the mesh along the needle"
+            "shorten discretization.path_spacing or refine the mesh along the needle"
         )
     unit = "N/m" if len(last) == PLANE else "N"
     return sentence + (
@@ -377,7 +377,7 @@ class TipSolver:
         trial = self._contact.trial(weights)
         limit, friction = instrument.resistance(weights)
         friction *= length
-        hold = 1.0 / (instrument.lateral_stiffness * length)
+        hold = 1.0 / (instrument.lateral_penalty * length)
         before, here = start.offset, start.offset + sideways
         offset = 0.5 * (here + before)
         lateral, moved = _eliminated(trial, friction, offset, hold)

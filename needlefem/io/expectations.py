@@ -14,22 +14,22 @@ VALUE, LIST, TABLE = "a number or a text", "a list", "a table"
 ORIGIN = {"case": VALUE, "source": VALUE, "overrides": TABLE}
 EVIDENCE = {
     "energy": TABLE, "validity": TABLE, "timings": TABLE, "skipped": TABLE, "reasons": TABLE,
-    "warnings": LIST, "scanner": TABLE, "discretisation": TABLE, "frame": TABLE,
+    "warnings": LIST, "scanner": TABLE, "discretization": TABLE, "frame": TABLE,
 }  # fmt: skip
 KEYS = {
     "run": ORIGIN | EVIDENCE | {
         "status": VALUE, "sentence": VALUE, "entry": LIST, "puncture_depth": VALUE, "depth": LIST,
         "tip_path": LIST, "tip_force": LIST, "shaft_force": LIST, "lateral_force": LIST,
-        "jumping": LIST, "time": LIST, "tip": LIST, "sticking": LIST, "events": LIST,
-        "snaps": LIST, "evaluations": VALUE, "seeds": LIST,
+        "time": LIST, "tip_phase": LIST, "sticking_segments": LIST, "events": LIST,
+        "ruptures": LIST, "contact_solves": VALUE, "seeds": LIST,
     },
     "plan": ORIGIN | EVIDENCE | {
         "status": VALUE, "sentence": VALUE, "target": LIST, "release_point": LIST,
         "placed_at": LIST, "placement_error": VALUE, "entry": LIST, "release_depth": VALUE,
         "unplanned": TABLE, "depth_only": TABLE, "insertions": VALUE, "search": TABLE,
-        "other_solutions": LIST, "scan_insertions": VALUE, "snaps": VALUE, "direction": LIST,
-        "obstacles": LIST, "barred": TABLE, "refused": LIST, "energy_residual": VALUE,
-        "estimate": TABLE, "trail": LIST, "preflight": LIST, "headline": TABLE, "missing": TABLE,
+        "other_solutions": LIST, "scan_insertions": VALUE, "ruptures": VALUE, "direction": LIST,
+        "obstacles": LIST, "blocked": TABLE, "rejected_directions": LIST, "energy_residual": VALUE,
+        "estimate": TABLE, "refinement_history": LIST, "preflight": LIST, "headline": TABLE, "missing": TABLE,
     },
 }  # fmt: skip
 """What the results of a command have in them, so that a key that can't exist is refused early."""

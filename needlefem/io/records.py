@@ -17,9 +17,11 @@ from needlefem.planning.search import SearchResult
 from needlefem.scene import Scene
 from needlefem.scene.discretization import Coordinates
 
-POINTS = ("target", "release_point", "placed_at", "released_at", "now_at", "entry")
+POINTS = (
+    "target", "release_point", "placed_at", "released_at", "now_at", "final_position", "entry",
+)  # fmt: skip
 """Keys of a record that are points of the case."""
-NESTED = ("unplanned", "depth_only", "barred", "seeds", "ours")
+NESTED = ("unplanned", "depth_only", "blocked", "seeds", "ours")
 """Keys of a record with such points below them."""
 
 
@@ -68,11 +70,13 @@ def plan_record(plan: Plan) -> dict[str, Any]:
         "search": search_record(plan.search, plan.solution),
         "other_solutions": plan.other_solutions,
         "scan_insertions": plan.scan_insertions,
-        "snaps": len(plan.insertion.snaps),
+        "ruptures": len(plan.insertion.ruptures),
         "direction": plan.insertion.axis.direction,
         "obstacles": [dataclasses.asdict(passing) for passing in plan.passings],
-        "barred": _barred_record(plan.barred),
-        "refused": [dataclasses.asdict(refusal) for refusal in plan.refusals],
+        "blocked": _barred_record(plan.blocked),
+        "rejected_directions": [
+            dataclasses.asdict(refusal) for refusal in plan.rejected_directions
+        ],
         "missing": dict(plan.missing),
     } | ({} if plan.evidence is None else _evidence_record(plan.evidence, plan.missing))
 
@@ -96,15 +100,17 @@ def _barred_record(barred: BlockedRelease | None) -> dict[str, Any] | None:
 
 
 def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str, Any]:
-    energies, strains, on = evidence.ledger, evidence.validity, evidence.discretisation
+    energies, strains, on = evidence.energy, evidence.validity, evidence.discretisation
     return {
         "missing": {**missing, **evidence.missing},
-        "discretisation": None if on is None else dataclasses.asdict(on),
+        "discretization": None if on is None else dataclasses.asdict(on),
         "energy_residual": None if energies is None else energies.residual,
         "energy": None if energies is None else energy_record(energies),
         "validity": None if strains is None else dataclasses.asdict(strains),
         "estimate": None if evidence.estimate is None else dataclasses.asdict(evidence.estimate),
-        "trail": [dataclasses.asdict(attempt) for attempt in evidence.trail],
+        "refinement_history": [
+            dataclasses.asdict(attempt) for attempt in evidence.refinement_history
+        ],
         "preflight": [check_record(check) for check in evidence.preflight],
         "timings": evidence.timings,
         "skipped": evidence.skipped,
@@ -117,12 +123,20 @@ def search_record(name: str, solution: SearchResult) -> dict[str, Any]:
     """Return the heights that a search tried (relative to the target's) and their misses."""
     heights = [height for height, _ in solution.tried]
     misses = [miss for _, miss in solution.tried]
-    return {"method": name, "found": solution.found, "heights": heights, "misses": misses}
+    return {
+        "method": name,
+        "found": solution.found,
+        "lateral_offsets": heights,
+        "lateral_errors": misses,
+    }
 
 
 def energy_record(found: EnergyTerms) -> dict[str, Any]:
     """Return the terms of an energy ledger, J (J/m in 2D), and how well it closes."""
-    return dataclasses.asdict(found) | {"residual": found.residual, "given": found.given}
+    return dataclasses.asdict(found) | {
+        "residual": found.residual,
+        "given": found.largest_energy_gain,
+    }
 
 
 def insertion_record(insertion: Insertion) -> dict[str, Any]:
@@ -138,16 +152,15 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
         "tip_force": [state.tip_force for state in states],
         "shaft_force": [float(state.friction_force.sum()) for state in states],
         "lateral_force": [state.lateral_force.sum(axis=0) + state.tip_lateral for state in states],
-        "jumping": [state.jumping for state in states],
         "time": [state.time for state in states],
-        "tip": [state.tip_phase for state in states],
-        "sticking": [
+        "tip_phase": [state.tip_phase for state in states],
+        "sticking_segments": [
             None if state.slipping is None else int(np.count_nonzero(state.slipping[1:] == 0))
             for state in states
         ],
         "events": [dataclasses.asdict(event) for event in insertion.events],
-        "snaps": [dataclasses.asdict(snap) for snap in insertion.snaps],
-        "evaluations": insertion.evaluations,
+        "ruptures": [dataclasses.asdict(snap) for snap in insertion.ruptures],
+        "contact_solves": insertion.contact_solves,
     }
 
 
@@ -163,9 +176,9 @@ def seed_record(insertion: Insertion, reach: TipPoint) -> dict[str, Any]:
         "released_at": insertion.axis.tip_position(reach.depth),
         "release_depth": reach.depth,
         "placed_at": reach.point,
-        "shortcut": reach.point,
-        "now_at": None,
-        "from_rest": None,
+        "elastic_prediction": reach.point,
+        "final_position": None,
+        "distance_from_rest": None,
         "placement_error": _error(reach.point, insertion.scene.target),
         "status": ("placed" if cut else "not_punctured") if ended else "not_placed",
     }
@@ -181,9 +194,9 @@ def released_record(
         "released_at": seed.released_at,
         "release_depth": float(axis.axial_coordinate(seed.released_at)),
         "placed_at": seed.point,
-        "shortcut": seed.shortcut,
-        "now_at": place,
-        "from_rest": float(np.linalg.norm(place - seed.point)),
+        "elastic_prediction": seed.elastic_prediction,
+        "final_position": place,
+        "distance_from_rest": float(np.linalg.norm(place - seed.point)),
         "placement_error": _error(seed.point, target),
         "status": "placed" if seed.inside else "not_punctured",
     }

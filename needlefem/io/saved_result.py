@@ -20,6 +20,7 @@ from needlefem._inputfile import LARGEST_DATA, read_bytes, read_text, require_fi
 from needlefem.errors import CaseError, short
 from needlefem.geometry.image_frame import ImageFrame, Voxels
 from needlefem.io.result_folder import TABLES, mark_of
+from needlefem.scene.version_1 import EVENTS, PHASES, renewed_record
 
 KEY = "result"
 ANEW = "write the result anew"
@@ -44,9 +45,9 @@ ORIGIN = {"case": str, "source": Maybe(str), "overrides": dict}
 RECORDS: Mapping[str, Mapping[str, Any]] = {
     "run": ORIGIN | {
         "status": str, "sentence": str, "puncture_depth": Maybe(float),
-        "time": [float], "depth": [float], "tip": [str], "tip_path": [POINT],
+        "time": [float], "depth": [float], "tip_phase": [str], "tip_path": [POINT],
         "tip_force": [Maybe(float)], "shaft_force": [Maybe(float)],
-        "lateral_force": [[Maybe(float)]], "sticking": [Maybe(int)],
+        "lateral_force": [[Maybe(float)]], "sticking_segments": [Maybe(int)],
         "events": [{"kind": str, "time": float, "depth": float, "point": POINT}],
         "seeds": [{"name": str, "released_at": POINT, "placed_at": POINT, "status": str,
                    "placement_error": Maybe(float)}],
@@ -57,7 +58,7 @@ RECORDS: Mapping[str, Mapping[str, Any]] = {
         "status": str, "sentence": str, "target": POINT, "release_point": Maybe(POINT),
         "placed_at": Maybe(POINT), "placement_error": Maybe(float), "unplanned": RELEASE,
         "depth_only": RELEASE, "insertions": int, "search": dict, "direction": POINT,
-        "obstacles": [dict], "refused": [dict],
+        "obstacles": [dict], "rejected_directions": [dict],
     },
     "modes": {
         "case": str, "element": str, "unknowns": int, "supported": bool, "frequencies": [float],
@@ -75,8 +76,8 @@ FRAME = {
     "voxels": Maybe({"file": str, "origin": POINT, "axes": [POINT], "spacing": POINT,
                      "size": [int]}),
 }  # fmt: skip
-HISTORIES = ("time", "depth", "tip", "tip_path", "tip_force", "shaft_force", "lateral_force",
-             "sticking")  # fmt: skip
+HISTORIES = ("time", "depth", "tip_phase", "tip_path", "tip_force", "shaft_force", "lateral_force",
+             "sticking_segments")  # fmt: skip
 """Keys of a run's record with an entry for every state."""
 COLUMNS = {
     "insertion": ("time [s]", "depth [m]", "speed [m/s]", "tip"),
@@ -106,6 +107,7 @@ def read_record(file: Path, kind: str) -> dict[str, Any]:
         raise CaseError(KEY, f"'{file}' can't be read: {error}", ANEW) from None
     if not isinstance(record, dict):
         raise CaseError(KEY, f"'{file}' holds no object", ANEW)
+    record = renewed_record(record, kind)
     shape: dict[str, Any] = dict(RECORDS[kind])
     if record.get("frame") is not None:
         shape["frame"] = FRAME
@@ -221,7 +223,8 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
 
 def _column(name: str, cells: Sequence[str], path: Path) -> np.ndarray:
     if name in TEXTS:
-        return np.array(cells, dtype=str)
+        words = PHASES if name == "tip" else EVENTS if name == "event" else {}
+        return np.array([words.get(cell, cell) for cell in cells], dtype=str)
     found = np.full(len(cells), np.nan)
     for number, cell in enumerate(cells):
         try:
@@ -249,7 +252,7 @@ def require_same_histories(
     if places != events[events.index("name") + 1 :][: tips.shape[1]]:
         problem = f"'{file}' and '{folder / 'events.csv'}' name other axes"
         raise CaseError(KEY, problem, ANEW)
-    wanted = {"time [s]": record["time"], "depth [m]": record["depth"], "tip": record["tip"]}
+    wanted = {"time [s]": record["time"], "depth [m]": record["depth"], "tip": record["tip_phase"]}
     wanted |= dict(zip(places, tips.T, strict=False))
     for name, values in wanted.items():
         if not _same(table[name], np.asarray(values)):

@@ -302,7 +302,7 @@ class _Writer:
     def __init__(self, course: InsertionRun, states: TextIO, events: TextIO, shaft: TextIO) -> None:
         self._course, self._before = course, (0.0, 0.0)
         self._states, self._events, self._shaft = states, events, shaft
-        self._stiffness = course.instrument.lateral_stiffness
+        self._stiffness = course.instrument.lateral_penalty
         axes, solid = course.model.axes, course.model.dim == 3
         self._names = course.releases
         force, line, energy = ("N", "N/m", "J") if solid else ("N/m", "Pa", "J/m")

@@ -92,7 +92,7 @@ def fit_to_contours(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMe
             place = contour.meeting(before)
             if place is not None:
                 problem = f"the contours of '{other}' and '{name}' meet at {_text(place)}"
-                remedy = "draw them apart, or set mesh.interfaces to 'centroid'"
+                remedy = "draw them apart, or set mesh.interfaces to 'by_centroid'"
                 raise CaseError("mesh.interfaces", problem, remedy)
     kept = np.full(mesh.nvertices, -1)
     kept[mesh.boundary_nodes()] = len(known)
@@ -118,7 +118,7 @@ def _text(place: Floats) -> str:
 
 
 def _refuse(problem: str, place: Floats) -> NoReturn:
-    remedy = "set mesh.refine.contour_size smaller, or mesh.interfaces to 'centroid'"
+    remedy = "set mesh.refine.contour_size smaller, or mesh.interfaces to 'by_centroid'"
     raise CaseError("mesh.interfaces", f"{problem} at {_text(place)}", remedy)
 
 

@@ -216,7 +216,7 @@ class NeedleInterface(Lasting):
         Nodal field of the friction limit per length of cut path.
     section : (array, array)
         Offsets (n, dim - 1), m, and weights (n,) of a rule over the shaft's cross-section.
-    lateral_stiffness : float, Pa (N/m^3 in 2D)
+    lateral_penalty : float, Pa (N/m^3 in 2D)
         Stiffness of the lateral penalty per length of cut path.
     spacing : float, m
         Length of the contact segments.
@@ -230,7 +230,7 @@ class NeedleInterface(Lasting):
     cutting_force: Floats
     shaft_friction: Floats
     section: tuple[Points, Floats]
-    lateral_stiffness: float
+    lateral_penalty: float
     spacing: float
     inward: Vector
 

@@ -196,13 +196,13 @@ def box_draft(
     gap, names = _nearest(box, contours, sizes)
     if gap is not None:
         why = f"{names} come as near as {1e3 * gap:.2g} mm: cells by their centroid"
-        return BoxDraft(box, sizes, "centroid", why, line)
+        return BoxDraft(box, sizes, "by_centroid", why, line)
     draft = BoxDraft(box, sizes, "fitted", "cells end at the contours", line)
     try:
         build_mesh(_trial(draft, contours))
     except CaseError as error:
         why = f"{error.problem}: cells by their centroid"
-        return BoxDraft(box, sizes, "centroid", why, line)
+        return BoxDraft(box, sizes, "by_centroid", why, line)
     return draft
 
 
@@ -278,7 +278,7 @@ def _trial(draft: BoxDraft, contours: Mapping[str, Contour]) -> Scene:
             refine=refine,
         ),
         materials={"": Isotropic(youngs_modulus=1e4, poissons_ratio=0.45)},
-        background="",
+        default_material="",
         regions={
             named[name]: Region(contour=contour, material="", contour_size=draft.sizes[name])
             for name, contour in contours.items()

@@ -168,9 +168,9 @@ class MeshSizes:
             "mesh.refine.corridor_size": self.corridor,
             "mesh.refine.corridor_width": box.refine.corridor_width or CORRIDOR_RADII * radius,
             **one_contour_size(scene, self.contour if scene.regions else 0.0),
-            "discretisation.element": "auto",
-            "discretisation.kernel_points": 0,
-            "discretisation.path_spacing": self.path,
+            "discretization.element": "auto",
+            "discretization.tip_quadrature_points": 0,
+            "discretization.path_spacing": self.path,
         }
         return vary(scene, changes)
 
@@ -318,7 +318,7 @@ def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulati
         bulk=longest(scene) / REFERENCE_SQUARES[cells],
         path=PATH * radius,
     )
-    points = {"discretisation.kernel_points": KERNEL_POINTS}
+    points = {"discretization.tip_quadrature_points": KERNEL_POINTS}
     return Simulation(vary(sizes.scene(scene, target), points))
 
 
@@ -334,7 +334,7 @@ def placed_on(exact: Simulation, plan: Plan) -> Vector | None:
         return None
     entry = exact.entry_through(plan.best.release_point)
     depth = float(exact.direction @ (plan.best.release_point - entry.point))
-    beyond = depth + 3.0 * exact.scene.discretisation.path_spacing
+    beyond = depth + 3.0 * exact.scene.discretization.path_spacing
     found = exact.insert(entry, lambda state: state.depth > beyond)
     reach = InsertionReader(found, plan.target).at_depth(depth).reach
     return None if reach is None else reach.point

@@ -90,7 +90,7 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Error
 
 def _long_pieces(scene: Scene) -> bool:
     """Say whether the path's pieces are so long that they matter beside the mesh."""
-    return scene.discretisation.path_spacing > (SHORT_PATH + ROUND_OFF) * scene.needle.tip_radius
+    return scene.discretization.path_spacing > (SHORT_PATH + ROUND_OFF) * scene.needle.tip_radius
 
 
 def _refuse_unusable(plan: Plan) -> None:
@@ -110,10 +110,12 @@ def _refuse_unusable(plan: Plan) -> None:
 def finer_tissue(simulation: Simulation) -> tuple[Simulation, str, float]:
     """Return the scene on a finer tissue, what is finer, and error over difference to it."""
     scene, mesh, row = simulation.scene, simulation.model.mesh, simulation.model.element
-    points = {"discretisation.kernel_points": KERNEL * scene.discretisation.kernel_points}
+    points = {
+        "discretization.tip_quadrature_points": KERNEL * scene.discretization.tip_quadrature_points
+    }
     if row.degree == 1 and scene.dim == 2:
         better = quadratic(scene)
-        finer = vary(scene, {**points, "discretisation.element": better})
+        finer = vary(scene, {**points, "discretization.element": better})
         model = build_model(finer, mesh)
         model.locate_as(simulation.model)
         return Simulation(finer, model), f"{better} on the same cells", 1.0
@@ -192,9 +194,9 @@ def path_error(simulation: Simulation, plan: Plan) -> float:
 
     A third of the move with twice the spacing: its order is near two.
     """
-    twice = 2.0 * simulation.scene.discretisation.path_spacing
+    twice = 2.0 * simulation.scene.discretization.path_spacing
     coarser = Simulation(
-        vary(simulation.scene, {"discretisation.path_spacing": twice}), simulation.model
+        vary(simulation.scene, {"discretization.path_spacing": twice}), simulation.model
     )
     coarser.responses = simulation.responses
     return float(np.linalg.norm(_carried_out(coarser, plan))) / 3.0
@@ -211,7 +213,7 @@ def _carried_out(other: Simulation, plan: Plan) -> Vector:
     assert plan.best is not None
     entry = other.entry_through(plan.best.release_point)
     depth = float(plan.insertion.axis.axial_coordinate(plan.best.release_point))
-    beyond = depth + 3.0 * other.scene.discretisation.path_spacing
+    beyond = depth + 3.0 * other.scene.discretization.path_spacing
     found = other.insert(entry, lambda state: state.depth > beyond)
     reading = InsertionReader(found, plan.target).at_depth(depth)
     if reading.reach is None:

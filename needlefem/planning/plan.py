@@ -41,13 +41,13 @@ def plan(
     if search is not None:
         search = dataclasses.replace(scene.planning, search=search).search
     found = [_along(scene, point, search, all_solutions, watch)]
-    for direction in scene.planning.directions if found[0].barred is not None else ():
+    for direction in scene.planning.directions if found[0].blocked is not None else ():
         if found[-1].status is PlanStatus.PLANNED:
             break
         found.append(_along(turned(scene, direction), point, search, all_solutions, watch))
     best = min(found, key=_rank)
     refused = tuple(_refusal(one) for one in found if one is not best)
-    return dataclasses.replace(best, refusals=refused, evidence=_timed(best, found))
+    return dataclasses.replace(best, rejected_directions=refused, evidence=_timed(best, found))
 
 
 def _timed(best: Plan, found: Sequence[Plan]) -> Evidence | None:
@@ -113,14 +113,14 @@ def _evidence(made: PlanAttempt, trail: tuple[RefinementStep, ...]) -> Evidence:
         else:
             strains = validity(insertion, state_at(insertion, depth))
             warnings += strains.warnings()
-        if insertion.snaps:
-            warnings.append(f"the tip jumps ahead {len(insertion.snaps)} times on its way")
+        if insertion.ruptures:
+            warnings.append(f"the tip jumps ahead {len(insertion.ruptures)} times on its way")
     return Evidence(
         preflight=made.checks,
-        ledger=energies,
+        energy=energies,
         validity=strains,
         estimate=made.estimate,
-        trail=trail,
+        refinement_history=trail,
         missing=missing,
         discretisation=discretised(simulation, made.entry),
         warnings=tuple(warnings),

@@ -211,7 +211,7 @@ class Planner:
 
     def snapped(self) -> bool:
         """Say whether the tip jumped in any insertion so far."""
-        return any(known.insertion.snaps for known in self._known.values())
+        return any(known.insertion.ruptures for known in self._known.values())
 
     def plan(
         self,
@@ -225,7 +225,7 @@ class Planner:
         numbers = self.simulation.scene.planning
         search = search or numbers.search
         begin = self._level if start is None else start
-        free = self._candidate(search, begin, numbers.height_range)
+        free = self._candidate(search, begin, numbers.offset_range)
         chosen, barred = self._around(search, free)
         spent = self.simulation.insertions - before
         status, sentence = self._judge(search, free.solution)
@@ -252,7 +252,7 @@ class Planner:
             other_solutions=others,
             scan_insertions=self.simulation.insertions - scanned,
             passings=() if best is None else self.obstacles.passings(best.release_point),
-            barred=barred,
+            blocked=barred,
         )
 
     def _candidate(self, search: str, start: Floats, within: Interval) -> Candidate:
@@ -266,7 +266,7 @@ class Planner:
         barrier = self.obstacles.barrier(free.release)
         if barrier is None or free.release is None:
             return free, None
-        within = self.simulation.scene.planning.height_range
+        within = self.simulation.scene.planning.offset_range
         best = self.obstacles.best(
             lambda interval: self._candidate(search, self._level, interval), within, free.release
         )
@@ -279,7 +279,7 @@ class Planner:
         if len(self.laterals) != 1:
             raise CaseError("planning.search", f"'{search}' is for 2D scenes", "use 'root'")
         method = golden_section if search == "golden" else grid
-        return method(self.error, *within, numbers.golden_tolerance)
+        return method(self.error, *within, numbers.interval_tolerance)
 
     def _best(self, solution: SearchResult) -> Reading:
         known = self.read(solution.height)
@@ -298,7 +298,7 @@ class Planner:
         """Return further heights in the range that hit the target, from a coarse scan."""
         if len(self.laterals) != 1:
             raise CaseError("--all-solutions", "is for 2D scenes", "leave it out")
-        low, high = self.simulation.scene.planning.height_range
+        low, high = self.simulation.scene.planning.offset_range
         found = []
         for a, b in sign_changes(self.lateral_error, low, high, SCAN):
             if not a <= float(solution.height[0]) <= b:
@@ -311,7 +311,7 @@ class Planner:
     def _judge(self, search: str, solution: SearchResult) -> tuple[PlanStatus, str]:
         """Put the end of the search into a status and a sentence."""
         numbers = self.simulation.scene.planning
-        low, high = numbers.height_range
+        low, high = numbers.offset_range
         missed = f"the best height tried misses by {100 * solution.miss:.3g} cm"
         if solution.found is SearchStatus.UNREACHABLE:
             failed = [height for height, miss in solution.tried if miss is None or np.isinf(miss)]
@@ -320,12 +320,12 @@ class Planner:
             best = self._best(solution)
             if best.why is not None:
                 return self._out_of_reach(solution.height, best)
-            if solution.miss > RESOLVED * numbers.golden_tolerance:
+            if solution.miss > RESOLVED * numbers.interval_tolerance:
                 level = self.read(solution.height).level()
                 if level.why is not None:
                     return self._out_of_reach(solution.height, level)
                 height = float(solution.height[0])
-                inside = min(height - low, high - height) > numbers.golden_tolerance
+                inside = min(height - low, high - height) > numbers.interval_tolerance
                 found = SearchStatus.NOT_CONVERGED if inside else SearchStatus.OUTSIDE_RANGE
                 solution = dataclasses.replace(solution, found=found)
         if solution.found is SearchStatus.SOLVED:
@@ -334,7 +334,7 @@ class Planner:
         if solution.found is SearchStatus.OUTSIDE_RANGE:
             where = f"between {100 * low:+.3g} and {100 * high:+.3g} cm of the target's height"
             return PlanStatus.OUTSIDE_RANGE, (
-                f"no height {where} hits the target; {missed}; widen planning.height_range"
+                f"no height {where} hits the target; {missed}; widen planning.offset_range"
             )
         return PlanStatus.NOT_CONVERGED, f"the search did not converge; {missed}"
 
@@ -379,7 +379,7 @@ class Planner:
             return status, f"{sentence}; {without}"
         error, least = chosen.release.placement_error, barred.release.placement_error
         missed = f"misses by {100 * error:.2g} cm"
-        close = error <= least + self.simulation.scene.planning.golden_tolerance
+        close = error <= least + self.simulation.scene.planning.interval_tolerance
         if chosen.solution.found is SearchStatus.SOLVED and close:
             return PlanStatus.PLANNED, f"{missed} on this model; {without}"
         return PlanStatus.BLOCKED, f"the best height allowed {missed}; {without}"

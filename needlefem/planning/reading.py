@@ -14,7 +14,7 @@ from needlefem._arrays import Vector
 from needlefem.insertion.cut_path import TipPoint, TipTrajectory
 from needlefem.insertion.result import Insertion, Status
 
-BROKEN = (Status.NOT_CONVERGED, Status.NO_NODE, Status.RESTICK)
+BROKEN = (Status.NOT_CONVERGED, Status.NO_NODE, Status.STICK_DETECTED)
 """How an insertion ends that could not be computed further."""
 ROUND_OFF = 1e-9
 """Depths that differ by less count as equal, m."""
@@ -151,7 +151,7 @@ def at_jump(insertion: Insertion, depth: float) -> bool:
 
 def _jumps(insertion: Insertion) -> list[float]:
     """Return the depths at which the tip jumps, m; the last jump may not have ended."""
-    found = [snap.depth for snap in insertion.snaps]
+    found = [snap.depth for snap in insertion.ruptures]
     if insertion.states[-1].jumping:
         found.append(float(insertion.depths[-1]))
     return found

@@ -154,10 +154,10 @@ class Evidence:
     """
 
     preflight: tuple[CheckResult, ...]
-    ledger: EnergyTerms | None
+    energy: EnergyTerms | None
     validity: StrainCheck | None
     estimate: ErrorEstimate | None = None
-    trail: tuple[RefinementStep, ...] = ()
+    refinement_history: tuple[RefinementStep, ...] = ()
     missing: Mapping[str, str] = dataclasses.field(default_factory=dict)
     discretisation: Discretised | None = None
     warnings: tuple[str, ...]
@@ -220,8 +220,8 @@ class Plan:
     other_solutions: tuple[float, ...] | None = None
     scan_insertions: int = 0
     passings: tuple[Passing, ...] = ()
-    barred: BlockedRelease | None = None
-    refusals: tuple[RejectedDirection, ...] = ()
+    blocked: BlockedRelease | None = None
+    rejected_directions: tuple[RejectedDirection, ...] = ()
     evidence: Evidence | None = None
 
 
@@ -329,6 +329,6 @@ def with_headline(plan: Plan, evidence: Evidence) -> Plan:
     """Return a plan with its evidence; the sentence of one that succeeded is its headline."""
     sentence = plan.sentence
     if plan.status is PlanStatus.PLANNED:
-        rest = f"; {plan.barred.sentence}" if plan.barred is not None else ""
+        rest = f"; {plan.blocked.sentence}" if plan.blocked is not None else ""
         sentence = f"{headline(plan, evidence).sentence}{rest}"
     return dataclasses.replace(plan, evidence=evidence, sentence=sentence)

@@ -121,7 +121,7 @@ def draw_sticking(insertion: Insertion, path: Path) -> Path:
 def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
     """Return times, places along the path (m), and ways of slipping between them; 9: no needle."""
     states = [state for state in insertion.states if not state.jumping]
-    stiffness = insertion.instrument.lateral_stiffness
+    stiffness = insertion.instrument.lateral_penalty
     lengths = [1.0 / (p.compliance * stiffness) for p in insertion.pieces[1:]]
     last = max((s.inserted_length for s in states), default=0.0)
     places = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -196,7 +196,7 @@ class _Setup:
         self._supports()
         self._needle()
         self.panel.line(self.scene.title, 0)
-        numbers, model = self.scene.discretisation, self.simulation.model
+        numbers, model = self.scene.discretization, self.simulation.model
         self.panel.line(
             f"{self.mesh.nelements} cells of {numbers.element}, {model.ndofs} unknowns; "
             f"axes {', '.join(self.scene.axes)}",
@@ -251,7 +251,7 @@ class _Setup:
     def _legend(self) -> list[tuple[str, str]]:
         """Return names and numbers with the colours that they have in the picture."""
         scene, style = self.scene, self.style
-        found = [(style.tissue[0], f"{scene.background} (background)")]
+        found = [(style.tissue[0], f"{scene.default_material} (background)")]
         covered = {obstacle.region for obstacle in scene.obstacles.values()}
         for number, (name, region) in enumerate(sorted(scene.regions.items()), start=1):
             colour = style.tissue[number % len(style.tissue)]
@@ -387,7 +387,7 @@ def draw_height(
 
 def _height_table(planner: Planner, plan: Plan, within: tuple[float, float] | None) -> Floats:
     """Return rows of insertion height, best depth, signed miss, m; the plan's among them."""
-    low, high = within or planner.simulation.scene.planning.height_range
+    low, high = within or planner.simulation.scene.planning.offset_range
     known = {0.0: plan.level, float(plan.solution.height[0]): plan.insertion}
     rows = []
     for height in np.union1d(np.linspace(low, high, HEIGHTS), list(known)).tolist():

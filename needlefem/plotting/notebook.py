@@ -35,7 +35,7 @@ def _(result: Insertion) -> str:
         "material at the tip": _place(last.tip, axes),
         "force at the end": f"{last.force:.4g} {'N' if result.model.dim == 3 else 'N/m'}",
         "seeds": ", ".join(f"{s.name} {_place(s.point, axes)}" for s in result.seeds),
-        "mesh": f"{result.model.mesh.nelements} cells, {result.scene.discretisation.element}",
+        "mesh": f"{result.model.mesh.nelements} cells, {result.scene.discretization.element}",
     }
     return _table(result.scene.title, rows)
 
@@ -67,9 +67,11 @@ def _(result: Scene) -> str:
     needle = result.needle
     per = "N" if result.dim == 3 else "N/m"
     rows = {
-        "tissue": ", ".join([result.background, *(f"{n}: {m}" for n, m in materials.items())]),
+        "tissue": ", ".join(
+            [result.default_material, *(f"{n}: {m}" for n, m in materials.items())]
+        ),
         "supports": ", ".join(result.supports),
-        "element": f"{result.discretisation.element}, {result.discretisation.integrator}",
+        "element": f"{result.discretization.element}, {result.discretization.integrator}",
         "needle": f"tip {1e3 * needle.tip_radius:.3g} mm, cuts at {needle.cutting_force:.4g} {per}",
         "deepest": f"{100 * result.motion.max_depth:.3f} cm",
         "target": "" if result.target is None else _place(result.target, result.axes),

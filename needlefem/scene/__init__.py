@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from needlefem.scene.discretization import (
         DYNAMIC,
         BoxMesh,
-        Discretisation,
+        Discretization,
         FileMesh,
         Limits,
         Rayleigh,
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from needlefem.scene.resolve import (
         Resolved,
         cheapest,
-        kernel_points,
         slowest_wave,
         tip_element_size,
+        tip_quadrature_points,
         with_element,
     )
     from needlefem.scene.schema import (
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DYNAMIC",
     "BoxMesh",
-    "Discretisation",
+    "Discretization",
     "Expectation",
     "FileMesh",
     "Limits",
@@ -71,12 +71,12 @@ __all__ = [
     "cheapest",
     "contour_sizes",
     "field_of",
-    "kernel_points",
     "one_contour_size",
     "point_of",
     "resolve",
     "slowest_wave",
     "tip_element_size",
+    "tip_quadrature_points",
     "vary",
     "with_element",
 ]
@@ -85,8 +85,8 @@ if not TYPE_CHECKING:
     __getattr__, __dir__ = lazy_exports(
         __name__,
         build="build_mesh",
-        discretization="BoxMesh DYNAMIC Discretisation FileMesh Limits Rayleigh Refinement",
-        resolve="Resolved cheapest kernel_points slowest_wave tip_element_size with_element",
+        discretization="BoxMesh DYNAMIC Discretization FileMesh Limits Rayleigh Refinement",
+        resolve="Resolved cheapest tip_quadrature_points slowest_wave tip_element_size with_element",
         schema=(
             "Expectation Motion Needle Obstacle Outputs Planning Region Scene Stage "
             "TargetDraw point_of"

@@ -113,8 +113,8 @@ def _fitting_size(scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
         except CaseError:
             continue
         text = f"set mesh.refine.contour_size to '{1e3 * size:.2g} mm'"
-        return f"{text}, or mesh.interfaces to 'centroid'"
-    return "set mesh.interfaces to 'centroid', or draw the contours apart"
+        return f"{text}, or mesh.interfaces to 'by_centroid'"
+    return "set mesh.interfaces to 'by_centroid', or draw the contours apart"
 
 
 def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:
@@ -201,13 +201,13 @@ def build_model(
     scene: Scene, mesh: SkfemMesh | None = None, *, floating: bool = False
 ) -> TissueModel:
     """Discretise the tissue; parameters and errors are those of `needlefem.build_model`."""
-    if scene.discretisation.element == "auto":
+    if scene.discretization.element == "auto":
         scene = resolve(scene).scene
     mesh = build_mesh(scene) if mesh is None else mesh
-    used = {generation.BACKGROUND: scene.background}
+    used = {generation.BACKGROUND: scene.default_material}
     used |= {name: region.material for name, region in scene.regions.items()}
     materials = {name: scene.materials[material] for name, material in used.items()}
-    row = element_row(scene.discretisation.element)
+    row = element_row(scene.discretization.element)
     supports = {} if floating else scene.supports
     return TissueModel(
         mesh, row, materials, supports, scene.axes, plane=scene.plane, floating=floating

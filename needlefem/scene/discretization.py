@@ -63,8 +63,8 @@ class BoxMesh(Validated):
     )
     interfaces: str = parameter(
         "How cells meet a contour: assigned by their centroid, or moved onto it",
-        default="centroid",
-        choices=("centroid", "fitted"),
+        default="by_centroid",
+        choices=("by_centroid", "fitted"),
     )
     refine: Refinement = Refinement()
 
@@ -98,19 +98,19 @@ class FileMesh(Validated):
 # Numbers of the method, as opposed to those of the tissue and the needle; and damping.
 
 
-DYNAMIC = ("newmark", "generalised-alpha")
+DYNAMIC = ("newmark", "generalized_alpha")
 """Integrators with inertia."""
 TISSUE_ALONE = dict.fromkeys(
-    ("hht", "central-difference"), "integrates tissue without a needle only"
+    ("hht", "central_difference"), "integrates tissue without a needle only"
 )
 """Integrators that no case can choose, and why."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Discretisation(Validated):
+class Discretization(Validated):
     """Numbers of the method."""
 
-    TABLE = "discretisation"
+    TABLE = "discretization"
 
     element: str = parameter("Element of the catalogue, or 'auto'", default="auto")
     path_spacing: float = parameter(
@@ -119,7 +119,7 @@ class Discretisation(Validated):
         default=0.8e-3,
         low=0.0,
     )
-    kernel_points: int = parameter(
+    tip_quadrature_points: int = parameter(
         "Quadrature points of the tip's kernel; 0 chooses by the distance of nodes",
         default=0,
         low=0.0,
@@ -128,7 +128,7 @@ class Discretisation(Validated):
     integrator: str = parameter(
         "March along the path, equilibrium step by step, with inertia, or what the scene needs",
         default="auto",
-        choices=("auto", "march", "quasi-static", *DYNAMIC),
+        choices=("auto", "path_following", "quasi_static", *DYNAMIC),
         refused=TISSUE_ALONE,
     )
     time_step: float = parameter(
@@ -152,7 +152,7 @@ class Discretisation(Validated):
         high=1.0,
         closed=True,
     )
-    mass: str = parameter(
+    mass_matrix: str = parameter(
         "Mass of tissue with inertia, consistent or a lumping that the element has",
         default="consistent",
         choices=("consistent", "row-sum", "hrz"),

@@ -40,22 +40,22 @@ def check_scene(scene: Scene) -> None:
     limits = scene.limits
     check_mesh(scene)
     counts = {
-        "discretisation.kernel_points": scene.discretisation.kernel_points,
+        "discretization.tip_quadrature_points": scene.discretization.tip_quadrature_points,
         "planning.max_insertions": scene.planning.max_insertions,
     }
     if scene.targets is not None:
         counts["targets.count"] = scene.targets.count
     for number, stage in enumerate(scene.motion.stages):
-        if stage.train is not None:
-            counts[f"motion.stages[{number}].train"] = stage.train
+        if stage.seed_count is not None:
+            counts[f"motion.stages[{number}].train"] = stage.seed_count
     for key, count in counts.items():
         check_count(count, key, limits, least=0)
-    spacing = scene.discretisation.path_spacing
+    spacing = scene.discretization.path_spacing
     pieces = math.ceil(scene.motion.max_depth / spacing)
     what = (
         f"a path of {scene.motion.max_depth:g} m in pieces of {spacing:g} m has {pieces:,} pieces"
     )
-    key = "discretisation.path_spacing"
+    key = "discretization.path_spacing"
     if pieces > limits.steps:
         raise CaseError(key, what, _remedy("a longer spacing", "steps", f"{limits.steps:,}"))
     _check_memory(BYTES_PER_PAIR * pieces**2, what, key, "a longer spacing", limits)
@@ -93,10 +93,10 @@ def check_cells(scene: Scene, cells: int, key: str, remedy: str) -> None:
 
 def unknowns_per_cell(scene: Scene) -> float:
     """Return about how many unknowns a cell of a large mesh adds, from the element's row."""
-    if scene.discretisation.element == "auto":  # P2 or Q2, or a mixed one that is hardly larger
+    if scene.discretization.element == "auto":  # P2 or Q2, or a mixed one that is hardly larger
         boxed = isinstance(scene.mesh, BoxMesh) and scene.mesh.pattern == "quadrilateral"
         return unknowns_of(element_row("Q2" if boxed else "P2"), scene.dim)
-    return unknowns_of(element_row(scene.discretisation.element), scene.dim)
+    return unknowns_of(element_row(scene.discretization.element), scene.dim)
 
 
 def unknowns_of(row: ElementType, dim: int) -> float:

@@ -8,7 +8,7 @@ from needlefem._plugin import is_foreign
 from needlefem.elements import ElementType, element_row
 from needlefem.errors import CaseError
 from needlefem.materials import Material, branches_of, volumetric_split
-from needlefem.scene.discretization import DYNAMIC, BoxMesh, Discretisation, FileMesh
+from needlefem.scene.discretization import DYNAMIC, BoxMesh, Discretization, FileMesh
 from needlefem.scene.schema import Motion, Scene
 from needlefem.scene.varying import vary
 
@@ -25,19 +25,22 @@ def integrator_for(scene: Scene, needs: str) -> tuple[str, str]:
     duration = scene.motion.max_depth / speed
     if speed > SLOW * wave:
         share = f"{speed:.3g} m/s are {100 * speed / wave:.2g} % of the shear wave's"
-        return "generalised-alpha", f"inertia matters, for the needle's {share}"
+        return "generalized_alpha", f"inertia matters, for the needle's {share}"
     if lag > SHORT * duration and math.isfinite(wave):
         share = f"{lag:.2g} s of {duration:.2g} s of insertion"
-        return "generalised-alpha", f"damping matters, for it delays the tissue by {share}"
+        return "generalized_alpha", f"damping matters, for it delays the tissue by {share}"
     slow = f"{speed:.3g} m/s are slow for a shear wave of {wave:.2g} m/s"
     if needs:
-        return "quasi-static", f"{needs}; {slow}"
-    return "march", f"an insertion begins, in elastic tissue with one friction limit; {slow}"
+        return "quasi_static", f"{needs}; {slow}"
+    return (
+        "path_following",
+        f"an insertion begins, in elastic tissue with one friction limit; {slow}",
+    )
 
 
 def fastest(motion: Motion) -> float:
     """Return the largest speed of the needle in a motion, m/s."""
-    speeds = [stage.speed or motion.speed for stage in motion.stages if stage.to is not None]
+    speeds = [stage.speed or motion.speed for stage in motion.stages if stage.depth is not None]
     for (t0, s0), (t1, s1) in pairwise(zip(motion.times, motion.depths, strict=False)):
         speeds.append(abs(s1 - s0) / (t1 - t0) if t1 > t0 else motion.speed)
     return max(speeds, default=motion.speed) or motion.speed
@@ -67,7 +70,7 @@ def needs_steps(scene: Scene) -> str:
     """Return why a march can't even begin; empty if it can."""
     if any(branches_of(law, scene.dim, scene.plane) for law in scene.materials.values()):
         return "viscoelastic tissue depends on time"
-    if scene.needle.static_friction > 1.0 or scene.needle.stick_stiffness > 0.0:
+    if scene.needle.static_friction_ratio > 1.0 or scene.needle.tangential_penalty > 0.0:
         return "friction depends on what slips"
     return ""
 
@@ -115,12 +118,12 @@ def resolve(scene: Scene) -> Resolved:
     """Return the scene with every 'auto' replaced, the reasons, the skips and the warnings."""
     reasons: dict[str, str] = {}
     discretisation = _discretisation(scene, reasons)
-    concrete = dataclasses.replace(scene, discretisation=discretisation)
+    concrete = dataclasses.replace(scene, discretization=discretisation)
     return Resolved(concrete, reasons, _skips(concrete), tuple(_warnings(concrete)))
 
 
-def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
-    chosen = scene.discretisation
+def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretization:
+    chosen = scene.discretization
     if chosen.element == "auto":
         name, why = _element(scene)
         reasons["element"] = f"{name}: {why}"
@@ -128,16 +131,16 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
     row = element_row(chosen.element)
     if not is_foreign(chosen.element):  # in another spelling, perhaps
         chosen = dataclasses.replace(chosen, element=row.name)
-    if chosen.kernel_points == 0:
-        points = kernel_points(scene, row)
-        reasons["kernel_points"] = (
+    if chosen.tip_quadrature_points == 0:
+        points = tip_quadrature_points(scene, row)
+        reasons["tip_quadrature_points"] = (
             f"{points}: {POINTS_PER_NODE_DISTANCE:g} points per node distance inside the kernel"
         )
-        chosen = dataclasses.replace(chosen, kernel_points=points)
+        chosen = dataclasses.replace(chosen, tip_quadrature_points=points)
     needs = needs_steps(scene)
-    if chosen.integrator == "march" and needs:
+    if chosen.integrator == "path_following" and needs:
         remedy = "write 'quasi-static' or 'auto'"
-        raise CaseError("discretisation.integrator", f"'march', but {needs}", remedy)
+        raise CaseError("discretization.integrator", f"'path_following', but {needs}", remedy)
     if chosen.integrator != "auto":
         reasons["integrator"] = f"{chosen.integrator}: asked for"
         return chosen
@@ -148,7 +151,7 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretisation:
 
 def with_element(scene: Scene, name: str) -> Scene:
     """Return the scene with another element; a box gets the cells that it lives on."""
-    changes: dict[str, object] = {"discretisation.element": name}
+    changes: dict[str, object] = {"discretization.element": name}
     cell = element_row(name).cell
     if isinstance(scene.mesh, BoxMesh) and cell != cell_shape(scene):
         changes["mesh.pattern"] = "quadrilateral" if cell == "quadrilateral" else "diagonal"
@@ -193,7 +196,7 @@ def _element(scene: Scene) -> tuple[str, str]:
     return plain, f"the fastest to an accuracy below nu = {overtakes:g}"
 
 
-def kernel_points(scene: Scene, row: ElementType) -> int:
+def tip_quadrature_points(scene: Scene, row: ElementType) -> int:
     """Return the quadrature points of the tip's kernel that a scene with an element needs."""
     size = tip_element_size(scene)
     if size is None:
@@ -234,15 +237,15 @@ def _skips(scene: Scene) -> dict[str, str]:
     if not scene.planning.estimate:
         found["estimate"] = "what the discretisation does to a placement: not asked for"
     motion = scene.motion
-    if scene.discretisation.integrator != "march" or motion.stages or motion.times:
+    if scene.discretization.integrator != "path_following" or motion.stages or motion.times:
         del found["time_steps"], found["retraction"]
-    if scene.discretisation.integrator in DYNAMIC:
+    if scene.discretization.integrator in DYNAMIC:
         del found["dynamics"], found["mass_and_damping"]
     return found
 
 
 def _warnings(scene: Scene) -> list[str]:
-    row = element_row(scene.discretisation.element)
+    row = element_row(scene.discretization.element)
     return [
         *_locking(scene, row),
         *_tip_warnings(scene, row),
@@ -254,10 +257,10 @@ def _warnings(scene: Scene) -> list[str]:
 
 def _friction_warnings(scene: Scene) -> list[str]:
     needle = scene.needle
-    if needle.static_friction > 1.0 and needle.weakening_length == 0.0:
+    if needle.static_friction_ratio > 1.0 and needle.slip_weakening_distance == 0.0:
         return [
             "friction drops at once from static to kinetic: the answer depends on the time step; "
-            "give needle.weakening_length"
+            "give needle.slip_weakening_distance"
         ]
     return []
 
@@ -265,15 +268,19 @@ def _friction_warnings(scene: Scene) -> list[str]:
 def stick_warnings(scene: Scene) -> list[str]:
     """Say where the friction of what sticks would alternate from piece to piece."""
     size, needle = tip_element_size(scene), scene.needle
-    steps = scene.motion.stages or scene.motion.times or scene.discretisation.integrator != "march"
-    if not steps or size is None or needle.stick_stiffness > 0.0:
+    steps = (
+        scene.motion.stages
+        or scene.motion.times
+        or scene.discretization.integrator != "path_following"
+    )
+    if not steps or size is None or needle.tangential_penalty > 0.0:
         return []
-    if scene.discretisation.path_spacing >= SHORT_PIECE * size:
+    if scene.discretization.path_spacing >= SHORT_PIECE * size:
         return []
     return [
         f"the path spacing is below the element size along the needle ({size * 1e3:.2g} mm): the "
         "friction of what sticks alternates from piece to piece; lengthen it or give "
-        "needle.stick_stiffness (1e9 N/m^3 is enough)"
+        "needle.tangential_penalty (1e9 N/m^3 is enough)"
     ]
 
 
@@ -305,7 +312,7 @@ def _tip_warnings(scene: Scene, row: ElementType) -> list[str]:
 
 def _spacing_warnings(scene: Scene, row: ElementType) -> list[str]:
     size = tip_element_size(scene)
-    if size is None or scene.discretisation.path_spacing >= 0.3 * size / row.degree:
+    if size is None or scene.discretization.path_spacing >= 0.3 * size / row.degree:
         return []
     return [
         f"the path spacing is below a third of the node distance ({size / row.degree * 1e3:.2g} "

@@ -16,7 +16,7 @@ from needlefem.materials import Material
 from needlefem.scene.discretization import (
     BoxMesh,
     Coordinates,
-    Discretisation,
+    Discretization,
     FileMesh,
     Limits,
     Rayleigh,
@@ -25,7 +25,11 @@ from needlefem.validation import ParameterInfo, Validated, converted, made, para
 
 ROUND_OFF = 1e-15
 """Difference of a unit vector's length from 1."""
-KEYS = {"background": "tissue.background", "plane": "tissue.plane", "target": "target.point"}
+KEYS = {
+    "default_material": "tissue.default_material",
+    "plane": "tissue.plane",
+    "target": "target.point",
+}
 """Keys of a case file for fields of a scene that have another name."""
 
 
@@ -111,23 +115,23 @@ class Needle(Validated):
     shaft_friction: float = parameter(
         "Friction limit per unit length of the cut path", "shaft friction", low=0.0, closed=True
     )
-    lateral_stiffness: float = parameter(
+    lateral_penalty: float = parameter(
         "Stiffness that holds the cut path on the axis, per unit of its length",
         "lateral stiffness",
         default=1e9,
         low=0.0,
     )
-    static_friction: float = parameter(
+    static_friction_ratio: float = parameter(
         "Friction limit of what sticks, over that of what slips", default=1.0, low=1.0, closed=True
     )
-    weakening_length: float = parameter(
+    slip_weakening_distance: float = parameter(
         "Slip over which friction falls from static to kinetic",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
-    stick_stiffness: float = parameter(
+    tangential_penalty: float = parameter(
         "Stiffness of sticking along the needle, per unit of its length; 0: rigid, or chosen where "
         "the mesh can't tell apart what sticks",
         "lateral stiffness",
@@ -143,29 +147,31 @@ class Stage(Validated):
 
     TABLE = "motion.stages"
 
-    to: float | None = parameter("Depth at its end", "length", default=None)
+    depth: float | None = parameter("Depth at its end", "length", default=None)
     speed: float | None = parameter(
         "Speed, where it differs from the motion's", "speed", default=None, low=0.0
     )
-    hold: float | None = parameter("How long the needle rests", "time", default=None, low=0.0)
+    dwell: float | None = parameter("How long the needle rests", "time", default=None, low=0.0)
     release: str | None = parameter("What the tip lets go of at its end, by a name", default=None)
-    train: int | None = parameter(
+    seed_count: int | None = parameter(
         "How many seeds are laid while retracting, the first where it starts",
         default=None,
         low=1.0,
         closed=True,
     )
-    pitch: float | None = parameter("Distance of seeds in a train", "length", default=None, low=0.0)
+    seed_spacing: float | None = parameter(
+        "Distance of seeds in a train", "length", default=None, low=0.0
+    )
 
     def check(self) -> None:
         """See `Validated`."""
         key = self.TABLE
-        if (self.to is None) == (self.hold is None):
+        if (self.depth is None) == (self.dwell is None):
             raise CaseError(key, "needs either 'to' or 'hold'", "give a depth or a duration")
-        for name in ("speed", "train", "pitch") if self.hold is not None else ():
+        for name in ("speed", "train", "pitch") if self.dwell is not None else ():
             if getattr(self, name) is not None:
                 raise CaseError(f"{key}.{name}", "the needle rests in this stage", "leave it out")
-        if self.pitch is not None and self.train is None:
+        if self.seed_spacing is not None and self.seed_count is None:
             raise CaseError(f"{key}.pitch", "is not used without 'train'", "give both or none")
 
 
@@ -200,7 +206,7 @@ class Planning(Validated):
 
     TABLE = "planning"
 
-    height_range: tuple[float, float] = parameter(
+    offset_range: tuple[float, float] = parameter(
         "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
     )
     directions: tuple[Coordinates, ...] = parameter(
@@ -214,7 +220,7 @@ class Planning(Validated):
     tolerance: float = parameter(
         "Signed miss at which the root is accepted", "length", default=1e-8, low=0.0
     )
-    golden_tolerance: float = parameter(
+    interval_tolerance: float = parameter(
         "Width of the height interval at which golden section and grid end",
         "length",
         default=1e-4,
@@ -239,10 +245,10 @@ class Planning(Validated):
 
     def check(self) -> None:
         """See `Validated`."""
-        low, high = self.height_range
+        low, high = self.offset_range
         if low >= high:
             problem = f"{low:g} to {high:g} m is empty"
-            raise CaseError("planning.height_range", problem, "swap the ends")
+            raise CaseError("planning.offset_range", problem, "swap the ends")
         for direction in self.directions:
             unit(direction, "planning.directions")
 
@@ -313,13 +319,13 @@ class Scene(Validated):
     axes: tuple[str, ...]
     mesh: BoxMesh | FileMesh
     materials: Mapping[str, Material]
-    background: str
+    default_material: str
     regions: Mapping[str, Region]
     supports: Mapping[str, Support]
     plane: str = parameter("Plane strain or stress", default="strain", choices=("strain", "stress"))
     obstacles: Mapping[str, Obstacle] = dataclasses.field(default_factory=dict)
     damping: Rayleigh = dataclasses.field(default_factory=Rayleigh)
-    discretisation: Discretisation = dataclasses.field(default_factory=Discretisation)
+    discretization: Discretization = dataclasses.field(default_factory=Discretization)
     needle: Needle
     motion: Motion
     target: Coordinates | None = parameter("Point to hit", "length", default=None)
@@ -361,7 +367,7 @@ class Scene(Validated):
         self._check_dimensions()
 
     def _check_names(self) -> None:
-        used = {"tissue.background": self.background}
+        used = {"tissue.default_material": self.default_material}
         used |= {f"regions.{n}.material": region.material for n, region in self.regions.items()}
         for key, name in used.items():
             _known(key, "material", name, self.materials)

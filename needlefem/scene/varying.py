@@ -1,16 +1,20 @@
 """Scenes with something changed."""
 
 import dataclasses
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
 from needlefem._toml import key_parts
 from needlefem.errors import CaseError, nearest, short
 from needlefem.scene.schema import KEYS, Scene
+from needlefem.scene.version_1 import OldWord, renewed_path, renewed_value, report
 from needlefem.validation import dotted, made
 
-ALIASES = {"discretization": "discretisation"} | {key: name for name, key in KEYS.items()}
-"""Keys of a case file, or other spellings, for fields of a scene."""
+ALIASES = {key: name for name, key in KEYS.items()} | {"background": "default_material"}
+"""Keys of a case file, or of version 1, for fields of a scene."""
+SPELLINGS = {"discretization": "discretization"}
+"""Sections in another spelling."""
 _KEPT = object()
 
 
@@ -32,9 +36,12 @@ def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     """
     if not isinstance(changes, Mapping):
         raise CaseError("vary", f"{short(changes)} is not a mapping", "give {'name': value}")
-    tree = _Change()
+    tree, old = _Change(), list[OldWord]()
     for name, value in changes.items():
-        tree.add(_path(name), value)
+        path = _path(name, old)
+        tree.add(path, renewed_value(value, old, path))
+    if old:
+        warnings.warn(report(old, "vary"), FutureWarning, stacklevel=2)
     varied: Scene = tree.applied(scene, "")
     return varied
 
@@ -65,18 +72,25 @@ def one_contour_size(scene: Scene, size: float) -> dict[str, Any]:
     return contour_sizes(scene, 0.0) | {"mesh.refine.contour_size": size}
 
 
-def canonical(name: str) -> str:
-    """Return the name of a scene's field for a key in another spelling or of a case file."""
+def canonical(name: str, old: list[OldWord] | None = None) -> str:
+    """Return the name of a scene's field for a key in another spelling or of a case file.
+
+    Words of version 1 that were replaced are appended to `old`.
+    """
+    section, *rest = name.split(".")
+    path = renewed_path([SPELLINGS.get(section, section), *rest], [] if old is None else old)
+    name = ".".join(path)
     for alias, meant in ALIASES.items():
         if name == alias or name.startswith(f"{alias}."):
             return meant + name[len(alias) :]
     return name
 
 
-def _path(name: Any) -> list[str]:
+def _path(name: Any, old: list[OldWord] | None = None) -> list[str]:
     if not isinstance(name, str):
         raise CaseError("vary", f"{short(name)} is not a name", "give {'needle.tip_radius': 1e-3}")
-    return key_parts(canonical(name)) if '"' in name else canonical(name).split(".")
+    name, quotes = canonical(name, old), '"' in name
+    return key_parts(name) if quotes else name.split(".")
 
 
 def _part(node: Any, name: str, key: str) -> Any:

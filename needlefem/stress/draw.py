@@ -173,7 +173,7 @@ class _Draw:
         names = [row.name for row in CATALOGUE.values() if row.cell == shape]
         name = self.kind("element", {"auto": 0.25} | {n: 0.75 / len(names) for n in names})
         self.limit = 0.5 if name == "auto" else CATALOGUE[name].poissons_ratio_limit
-        self.data["discretisation"] = {"element": name}
+        self.data["discretization"] = {"element": name}
 
     def _materials(self) -> None:
         random, data = self.random, self.data
@@ -216,19 +216,19 @@ class _Draw:
             "tip_radius": length(self.radius),
             "cutting_force": DrawnQuantity(force, "force per length"),
             "shaft_friction": DrawnQuantity(friction, "pressure"),
-            "lateral_stiffness": DrawnQuantity(
+            "lateral_penalty": DrawnQuantity(
                 stiffness * power(random, 1.3, 3.0), "force per volume"
             ),
         }
         law = {"kinetic": 0.62, "static with weakening": 0.25, "static": 0.05, "compliant": 0.08}
         kind = self.kind("friction", law)
         if kind.startswith("static"):
-            needle["static_friction"] = float(random.uniform(1.03, 1.6))
+            needle["static_friction_ratio"] = float(random.uniform(1.03, 1.6))
         if kind == "static with weakening":
-            needle["weakening_length"] = length(self.radius * power(random, -0.5, 1.0))
+            needle["slip_weakening_distance"] = length(self.radius * power(random, -0.5, 1.0))
         if kind == "compliant" or (kind.startswith("static") and random.random() < 0.3):
             found = stiffness * power(random, 0.5, 2.5)
-            needle["stick_stiffness"] = DrawnQuantity(found, "force per volume")
+            needle["tangential_penalty"] = DrawnQuantity(found, "force per volume")
         self.data["needle"] = needle
         for region in self.data["regions"].values():
             if random.random() < 0.5:
@@ -241,19 +241,19 @@ class _Draw:
     def _method(self, command: str) -> None:
         random, data = self.random, self.data
         marched = self.kinds["law"] != "viscoelastic" and self.kinds["friction"] == "kinetic"
-        options = {"auto": 0.5, "quasi-static": 0.25, "newmark": 0.07, "generalised-alpha": 0.1}
+        options = {"auto": 0.5, "quasi_static": 0.25, "newmark": 0.07, "generalized_alpha": 0.1}
         if marched:
-            options["march"] = 0.2
+            options["path_following"] = 0.2
         if command == "plan":
-            options = {"auto": 0.8, "quasi-static": 0.2}
+            options = {"auto": 0.8, "quasi_static": 0.2}
         integrator = self.kind("integrator", options)
-        found = data["discretisation"]
+        found = data["discretization"]
         found["integrator"] = integrator
         share = random.uniform(0.75, 1.6)
-        if "stick_stiffness" in data["needle"] and random.random() < 0.5:
+        if "tangential_penalty" in data["needle"] and random.random() < 0.5:
             share = random.uniform(0.4, 0.75)
         found["path_spacing"] = length(max(share * self.grid.needle_size, self.depth / 30.0))
-        if integrator in ("newmark", "generalised-alpha"):
+        if integrator in ("newmark", "generalized_alpha"):
             wave = np.sqrt(self.modulus / 3.0 / 1000.0)
             self.speed = wave * power(random, -2.3, -0.7)
             draw_time(random, data, integrator, self.depth / self.speed)
@@ -271,9 +271,9 @@ class _Draw:
             data["target"] = {"point": point(self.out(self.entry + reached * self.direction))}
             reach = 0.6 * self.radius + 0.05 * self.depth
             data["planning"] = {
-                "height_range": [length(-reach), length(reach)],
+                "offset_range": [length(-reach), length(reach)],
                 "tolerance": length(1e-7 * self.depth),
-                "golden_tolerance": length(1e-2 * self.depth),
+                "interval_tolerance": length(1e-2 * self.depth),
                 "estimate": bool(random.random() < 0.3),
                 "search": chosen(random, {"root": 0.85, "golden": 0.1, "grid": 0.05}),
             }

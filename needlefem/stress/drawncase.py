@@ -282,7 +282,7 @@ def draw_time(
     random: np.random.Generator, data: dict[str, Any], integrator: str, duration: float
 ) -> None:
     """Set numbers of an integrator with inertia, and damping."""
-    found = data["discretisation"]
+    found = data["discretization"]
     if integrator == "newmark":
         found["newmark_gamma"] = float(random.uniform(0.5, 0.8))
     else:

@@ -77,7 +77,12 @@ def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list
     for accuracy in accuracies:
         found = plan(vary(scene, {"planning.accuracy": accuracy}), target)
         evidence, place = found.evidence, [float(100.0 * x) for x in target]
-        if evidence is None or evidence.estimate is None or not evidence.trail or not found.best:
+        if (
+            evidence is None
+            or evidence.estimate is None
+            or not evidence.refinement_history
+            or not found.best
+        ):
             rows.append([*place, *[""] * 8, str(found.status), False, False, False])
             continue
         release = found.best.release_point.tobytes()  # the same plan may do for two accuracies
@@ -85,9 +90,9 @@ def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list
             errors[release] = true_error(exact, found)
         said, error, stated = evidence.estimate.error, errors[release], evidence.estimate.at_most
         lengths = [1e3 * length for length in (said, stated, error)]
-        cells = [len(evidence.trail), *lengths, said / error, str(found.status)]
+        cells = [len(evidence.refinement_history), *lengths, said / error, str(found.status)]
         holds = error <= accuracy, error <= stated, error / FACTOR <= said <= FACTOR * error
-        rows.append([*place, *_chosen(evidence.trail[-1]), *cells, *holds])
+        rows.append([*place, *_chosen(evidence.refinement_history[-1]), *cells, *holds])
     return rows
 
 

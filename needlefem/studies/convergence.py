@@ -35,7 +35,7 @@ def refinement(scene: Scene, tip: str, levels: int = LEVELS) -> Table:
             "mesh.refine.corridor_size": size,
             **one_contour_size(scene, size),
             "needle.tip": tip,
-            "discretisation.kernel_points": KERNEL_POINTS,
+            "discretization.tip_quadrature_points": KERNEL_POINTS,
         }
         plan = planner_of(vary(scene, changes)).plan()
         cut = plan.level.puncture_depth

@@ -38,20 +38,22 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 def variations(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes to a resolved scene, by name."""
-    spacing = scene.discretisation.path_spacing
-    hold, points = scene.needle.lateral_stiffness, scene.discretisation.kernel_points
+    spacing = scene.discretization.path_spacing
+    hold, points = scene.needle.lateral_penalty, scene.discretization.tip_quadrature_points
     found: dict[str, dict[str, Any]] = {"nothing": {}}
     refine = scene.mesh.refine if isinstance(scene.mesh, BoxMesh) else Refinement()
     if refine.corridor_size > 0.0:
         found["elements x 1/2"] = {
             "mesh.refine.corridor_size": 0.5 * refine.corridor_size,
             **contour_sizes(scene, 0.5),
-            "discretisation.kernel_points": 4 * points,
+            "discretization.tip_quadrature_points": 4 * points,
         }
     for factor in (2.0, 0.5, 0.25):
-        found[f"path spacing x {factor:g}"] = {"discretisation.path_spacing": factor * spacing}
+        found[f"path spacing x {factor:g}"] = {"discretization.path_spacing": factor * spacing}
     for factor in (0.1, 10.0, 100.0):
-        found[f"lateral hold x {factor:g}"] = {"needle.lateral_stiffness": factor * hold}
+        found[f"lateral hold x {factor:g}"] = {"needle.lateral_penalty": factor * hold}
     for factor in (2, 4):
-        found[f"kernel points x {factor}"] = {"discretisation.kernel_points": factor * points}
+        found[f"kernel points x {factor}"] = {
+            "discretization.tip_quadrature_points": factor * points
+        }
     return found

@@ -116,7 +116,7 @@ def _row(plan: Plan, golden: Plan) -> list[object]:
         plan.insertions,
         _error(golden.best),
         golden.insertions,
-        len(plan.insertion.snaps),
+        len(plan.insertion.ruptures),
         plan.status,
     ]
 
@@ -135,7 +135,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         "planned_mean": found.planned_mean,
         "unsolved": len(found.unsolved),
         "unknown": len(found.unknown),
-        "snaps": sum(len(plan.insertion.snaps) for plan in found.plans),
+        "snaps": sum(len(plan.insertion.ruptures) for plan in found.plans),
         "most_insertions": max(plan.insertions for plan in found.plans),
         "golden_insertions": max(plan.insertions for plan in by_golden),
     }

@@ -225,6 +225,6 @@ def test_no_place_for_a_node_is_a_status(gel: Scene) -> None:
 
 
 def test_other_elements_are_refused(gel: Scene) -> None:
-    simulation = Simulation(vary(gel, {"discretisation.element": "P2"}))
+    simulation = Simulation(vary(gel, {"discretization.element": "P2"}))
     with pytest.raises(CaseError, match="only nodes of P1 triangles can be moved"):
         tissue_of(simulation)

@@ -35,7 +35,7 @@ def test_paper_plan_ends_near_ours_and_says_what_it_spent(coarse: Scene) -> None
 
 
 def test_forces_at_nodes_are_warned_of(coarse: Scene) -> None:
-    narrow = vary(coarse, {"planning.height_range": (0.0, 1e-4)})
+    narrow = vary(coarse, {"planning.offset_range": (0.0, 1e-4)})
     warnings = " ".join(paper_plan(narrow).plan.evidence.warnings)
     assert "forces act on nodes: the answer drifts with every refinement" in warnings
 
@@ -73,6 +73,6 @@ def test_drift_is_that_of_meshes_refined(coarse: Scene) -> None:
 
 def test_other_elements_and_no_target_are_refused(coarse: Scene) -> None:
     with pytest.raises(CaseError, match="set it to 'P1'"):
-        paper_plan(vary(coarse, {"discretisation.element": "P2"}))
+        paper_plan(vary(coarse, {"discretization.element": "P2"}))
     with pytest.raises(CaseError, match="give a target"):
         paper_plan(vary(coarse, {"target": None}))

@@ -73,7 +73,7 @@ def test_a_factorisation_of_another_matrix_is_caught(model: TissueModel) -> None
 
 def test_too_few_quadrature_points_show_in_the_null_space(organ: Scene) -> None:
     """One point is too few for quadratic elements: K gets motions that cost nothing."""
-    model = build_model(vary(organ, {"discretisation.element": "P2", "mesh.divisions": (8, 8)}))
+    model = build_model(vary(organ, {"discretization.element": "P2", "mesh.divisions": (8, 8)}))
     assert tissue.zero_modes(model) == 3
     middle = (np.full((2, 1), 1.0 / 3.0), np.array([0.5]))
     basis = Basis(model.mesh, ElementVector(model.element.make()), quadrature=middle)

@@ -63,9 +63,9 @@ def test_what_can_not_relax_is_refused() -> None:
 def test_viscoelastic_tissue_is_stepped(gel: Scene) -> None:
     law = Viscoelastic(youngs_modulus=30e3, poissons_ratio=0.45, shares=(0.4,), times=(2.0,))
     scene = vary(gel, {"materials": {"gel": law}})
-    assert Simulation(scene).scene.discretisation.integrator == "quasi-static"
+    assert Simulation(scene).scene.discretization.integrator == "quasi_static"
     with pytest.raises(CaseError, match="'march', but viscoelastic tissue depends on time"):
-        Simulation(vary(scene, {"discretisation.integrator": "march"}))
+        Simulation(vary(scene, {"discretization.integrator": "path_following"}))
 
 
 def test_fast_motion_is_stiff_and_slow_motion_is_relaxed() -> None:

@@ -69,7 +69,7 @@ def test_mass_has_the_right_total(gel: Scene, name: str) -> None:
 
 
 def test_row_sums_of_quadratic_triangles_are_refused(gel: Scene) -> None:
-    model = build_model(vary(gel, {"discretisation.element": "P2"}))
+    model = build_model(vary(gel, {"discretization.element": "P2"}))
     with pytest.raises(CaseError, match="'row-sum' is not admissible for P2; use hrz"):
         model.lumped_mass("row-sum")
 
@@ -101,7 +101,7 @@ def test_contour_outside_the_mesh_is_refused(organ: Scene) -> None:
 
 
 def test_region_fields_are_continuous_and_bounded(organ: Scene) -> None:
-    model = build_model(vary(organ, {"discretisation.element": "P2"}))
+    model = build_model(vary(organ, {"discretization.element": "P2"}))
     field = model.per_node({"background": 10.0, "organ": 50.0})
     points = np.random.default_rng(1).uniform(0.0, 0.06, (500, 2))
     values = model.interpolation.at(points).of(field)
@@ -197,7 +197,7 @@ def test_singular_and_broken_matrices_are_refused() -> None:
 def test_nodes_in_order_solve_as_unknowns_do(
     organ: Scene, element: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    model = Simulation(vary(organ, {"discretisation.element": element})).model
+    model = Simulation(vary(organ, {"discretization.element": element})).model
     loads = np.random.default_rng(7).normal(size=(model.ndofs, 3))
     plain = model.solve(loads)
     monkeypatch.setattr("needlefem.fem.factorization.FEWEST_FOR_GROUPS", 0)
@@ -210,7 +210,7 @@ def test_nodes_in_order_solve_as_unknowns_do(
 
 
 def test_nodes_in_order_fill_no_more_than_unknowns_do(organ: Scene) -> None:
-    model = Simulation(vary(organ, {"discretisation.element": "P2"})).model
+    model = Simulation(vary(organ, {"discretization.element": "P2"})).model
     matrix, _ = model.stiffness.system(model.free_dofs)
     nodes = model.node_of[model.free_dofs]
     ordered, plain = GroupedFactor(matrix, nodes), SuperLUFactor(matrix)

@@ -13,11 +13,11 @@ def pair(request: pytest.FixtureRequest, organ: Scene) -> tuple[TissueModel, Tis
     """Return a finer tissue and the coarser one."""
     name = request.param.split()[0]
     pattern = "quadrilateral" if name.startswith("Q") else "diagonal"
-    scene = vary(organ, {"discretisation.element": name, "mesh.pattern": pattern})
+    scene = vary(organ, {"discretization.element": name, "mesh.pattern": pattern})
     scene = resolve(scene).scene
     coarser = build_model(scene)
     if request.param == "P1 to P2":
-        return build_model(vary(scene, {"discretisation.element": "P2"}), coarser.mesh), coarser
+        return build_model(vary(scene, {"discretization.element": "P2"}), coarser.mesh), coarser
     return build_model(scene, uniformly_refined(coarser.mesh)), coarser
 
 
@@ -65,7 +65,7 @@ def test_iterations_do_not_grow_with_the_mesh(
     spent = []
     for divisions in (10, 20, 40):
         scene = vary(
-            organ, {"discretisation.element": "P2", "mesh.divisions": (divisions, divisions)}
+            organ, {"discretization.element": "P2", "mesh.divisions": (divisions, divisions)}
         )
         coarser = build_model(resolve(scene).scene)
         finer = build_model(resolve(scene).scene, uniformly_refined(coarser.mesh))

@@ -27,8 +27,8 @@ FILLED = {
     "needle.tip_radius": "2.54 mm",
     "mesh.refine.corridor_size": "1.27 mm",
     "mesh.refine.corridor_width": "8 mm",
-    "discretisation.path_spacing": "2 mm",
-    "discretisation.element": "P1",
+    "discretization.path_spacing": "2 mm",
+    "discretization.element": "P1",
 }
 SET = [word for key, value in FILLED.items() for word in ("--set", f"{key}={value}")]
 

@@ -17,7 +17,13 @@ from needlefem.insertion import Simulation, energy_terms
 from needlefem.materials import Viscoelastic
 from needlefem.scene import DYNAMIC, Scene, Stage, vary, with_element
 
-STAGES = (Stage(to=0.01), Stage(hold=0.1), Stage(to=0.004), Stage(to=0.012), Stage(to=0.0))
+STAGES = (
+    Stage(depth=0.01),
+    Stage(dwell=0.1),
+    Stage(depth=0.004),
+    Stage(depth=0.012),
+    Stage(depth=0.0),
+)
 
 
 @pytest.fixture
@@ -62,19 +68,19 @@ def test_an_insertion_is_freed_with_every_element(organ: Scene, element: str) ->
 
 
 @pytest.mark.usefixtures("uncollected")
-@pytest.mark.parametrize("integrator", ["march", "quasi-static", *DYNAMIC])
+@pytest.mark.parametrize("integrator", ["path_following", "quasi_static", *DYNAMIC])
 @pytest.mark.parametrize("element", ["P2", "Q1", "MINI"])
 def test_a_motion_in_time_is_freed(organ: Scene, element: str, integrator: str) -> None:
-    changes = {"discretisation.integrator": integrator, "motion.stages": STAGES}
+    changes = {"discretization.integrator": integrator, "motion.stages": STAGES}
     scene = scene_of(organ, element, **changes)
     assert kept(lambda: nf.simulate(scene)) == (1, 0)
 
 
 @pytest.mark.usefixtures("uncollected")
-@pytest.mark.parametrize("integrator", ["quasi-static", *DYNAMIC])
+@pytest.mark.parametrize("integrator", ["quasi_static", *DYNAMIC])
 def test_viscous_tissue_is_freed(gel: Scene, integrator: str) -> None:
     law = Viscoelastic(youngs_modulus=20e3, poissons_ratio=0.45, shares=(0.4,), times=(0.5,))
-    changes = {"materials.gel": law, "discretisation.integrator": integrator}
+    changes = {"materials.gel": law, "discretization.integrator": integrator}
     scene = vary(scene_of(gel, "P1", **changes), {"motion.stages": STAGES[:3]})
     assert kept(lambda: nf.simulate(scene)) == (1, 0)
 

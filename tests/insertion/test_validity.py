@@ -22,10 +22,10 @@ from needlefem.scene import Scene, vary
 SOFT = {"youngs_modulus": 30e3, "poissons_ratio": 0.45, "density": 1000.0}
 SLOW = Viscoelastic(**SOFT, shares=(0.5,), times=(10.0,))
 TISSUES = {
-    "viscoelastic": {"materials.gel": SLOW, "discretisation.integrator": "quasi-static"},
+    "viscoelastic": {"materials.gel": SLOW, "discretization.integrator": "quasi_static"},
     "dynamic": {
-        "materials.gel": Isotropic(**SOFT), "discretisation.integrator": "generalised-alpha",
-        "motion.speed": 1.0, "discretisation.time_step": 5e-4,
+        "materials.gel": Isotropic(**SOFT), "discretization.integrator": "generalized_alpha",
+        "motion.speed": 1.0, "discretization.time_step": 5e-4,
     },
 }  # fmt: skip
 

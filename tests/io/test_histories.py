@@ -9,7 +9,7 @@ from needlefem.insertion import Simulation
 from needlefem.io import History, recorded_states
 from needlefem.scene import Scene, Stage, vary
 
-STAGES = (Stage(to=0.012), Stage(hold=1.0, release="seed"), Stage(to=-1e-3))
+STAGES = (Stage(depth=0.012), Stage(dwell=1.0, release="seed"), Stage(depth=-1e-3))
 
 
 def read(path: Path) -> list[dict[str, str]]:
@@ -52,8 +52,8 @@ def test_what_was_written_is_kept_when_the_caller_stops(gel: Scene, tmp_path: Pa
 
 
 def test_long_motions_keep_few_events(gel: Scene, tmp_path: Path) -> None:
-    once = (Stage(to=0.006), Stage(to=-1e-3))
-    scene = vary(gel, {"motion.stages": once * 12, "discretisation.path_spacing": 3e-3})
+    once = (Stage(depth=0.006), Stage(depth=-1e-3))
+    scene = vary(gel, {"motion.stages": once * 12, "discretization.path_spacing": 3e-3})
     simulation = Simulation(scene)
     course = simulation.insertion_run(simulation.entry_of_case())
     for _ in recorded_states(course, History(folder=tmp_path, every=0)):

@@ -97,7 +97,7 @@ def test_a_file_gives_the_answers_of_the_box(tmp_path: Path, pattern: str) -> No
             "mesh": BoxMesh(size=(0.06, 0.06), divisions=(20, 20), pattern=pattern),
             "regions.organ.group": None,
             "supports.walls.faces": ("y_min", "y_max", "z_max"),
-            "discretisation.kernel_points": 400,
+            "discretization.tip_quadrature_points": 400,
         },
     )
     assert path == pytest.approx(simulate(boxed).tips, abs=1e-12)

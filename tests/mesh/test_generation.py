@@ -130,7 +130,7 @@ def bar(width: float) -> Scene:
         axes=("y", "z"),
         mesh=BoxMesh(size=(0.06, 0.06), divisions=(12, 12), interfaces="fitted"),
         materials={"fat": Isotropic(youngs_modulus=1e4, poissons_ratio=0.4)},
-        background="fat",
+        default_material="fat",
         regions={"thin": Region(material="fat", contour=thin)},
         supports={"walls": Support(faces=("z_max",))},
         needle=Needle(tip_radius=3e-3, cutting_force=50.0, shaft_friction=8e3),

@@ -5,7 +5,7 @@ from needlefem import build_model
 from needlefem.elements import element_row
 from needlefem.insertion import Simulation, TipTrajectory
 from needlefem.mesh import uniformly_refined
-from needlefem.scene import Scene, kernel_points, resolve, vary, with_element
+from needlefem.scene import Scene, resolve, tip_quadrature_points, vary, with_element
 
 EXACT = 6400
 """Kernel points beyond which nothing changes that is asked for here."""
@@ -18,7 +18,7 @@ def _places(simulation: Simulation) -> np.ndarray:
 
 
 def _with_points(scene: Scene, points: int) -> Scene:
-    return vary(scene, {"discretisation.kernel_points": points})
+    return vary(scene, {"discretization.tip_quadrature_points": points})
 
 
 @pytest.mark.parametrize(("element", "radius"), [("P1", 2e-3), ("P2", 2e-3), ("P2", 4e-3)])
@@ -36,9 +36,9 @@ def test_kernel_errors_are_below_a_tenth_of_the_mesh_errors(
 
 def test_kernel_points_follow_the_distance_of_nodes(gel: Scene) -> None:
     scene = vary(gel, {"needle.tip_radius": 4e-3})
-    linear, quadratic = (kernel_points(scene, element_row(name)) for name in ("P1", "P2"))
+    linear, quadratic = (tip_quadrature_points(scene, element_row(name)) for name in ("P1", "P2"))
     assert quadratic == pytest.approx(4 * linear, abs=4)
     chosen = resolve(with_element(scene, "P2"))
-    assert chosen.scene.discretisation.kernel_points == quadratic
-    assert "points per node distance" in chosen.reasons["kernel_points"]
-    assert resolve(_with_points(scene, 77)).scene.discretisation.kernel_points == 77
+    assert chosen.scene.discretization.tip_quadrature_points == quadratic
+    assert "points per node distance" in chosen.reasons["tip_quadrature_points"]
+    assert resolve(_with_points(scene, 77)).scene.discretization.tip_quadrature_points == 77

@@ -148,7 +148,7 @@ def test_a_mesh_with_named_groups(tmp_path: Path, name: str) -> None:
     assert "materials.organ.youngs_modulus" in asked
     scene = load_case(case, overrides)
     assert isinstance(scene.mesh, FileMesh)
-    assert scene.background == "rest"
+    assert scene.default_material == "rest"
     assert build_mesh(scene).p.max() == pytest.approx(0.06)
     assert len(build_mesh(scene).subdomains["organ"]) > 0
 

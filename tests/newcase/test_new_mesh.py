@@ -24,7 +24,7 @@ ANSWERS = {
     "needle.cutting_force": "50 N/m",
     "needle.shaft_friction": "8 kPa",
     "motion.max_depth": "5 cm",
-    "discretisation.path_spacing": "4 mm",
+    "discretization.path_spacing": "4 mm",
 }
 
 

@@ -13,7 +13,7 @@ from needlefem.materials import Isotropic
 from needlefem.planning import Plan
 from needlefem.scene import (
     BoxMesh,
-    Discretisation,
+    Discretization,
     Motion,
     Needle,
     Planning,
@@ -37,14 +37,14 @@ def scene() -> Scene:
             "gel": Isotropic(youngs_modulus=30e3, poissons_ratio=0.45),
             "stiff": Isotropic(youngs_modulus=90e3, poissons_ratio=0.45),
         },
-        background="gel",
+        default_material="gel",
         regions={"organ": Region(contour=Contour(circle), material="stiff")},
         supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(element="P1", path_spacing=1e-3),
+        discretization=Discretization(element="P1", path_spacing=1e-3),
         needle=Needle(tip_radius=2e-3, cutting_force=50.0, shaft_friction=10e3),
         motion=Motion(direction=(0.0, 1.0), max_depth=0.022, speed=1e-2),
         target=(0.032, 0.011),
-        planning=Planning(estimate=False, height_range=(-1e-3, 1e-3), golden_tolerance=2.5e-4),
+        planning=Planning(estimate=False, offset_range=(-1e-3, 1e-3), interval_tolerance=2.5e-4),
     )
 
 
@@ -69,12 +69,12 @@ def main() -> None:
     common = scene()
     stepped = vary(
         common,
-        {"discretisation.integrator": "quasi-static", "discretisation.path_spacing": 2e-3,
-         "needle.stick_stiffness": 1e9},
+        {"discretization.integrator": "quasi_static", "discretization.path_spacing": 2e-3,
+         "needle.tangential_penalty": 1e9},
     )  # fmt: skip
     sticking = vary(
-        stepped, {"needle.static_friction": 1.3,
-                  "needle.weakening_length": 2e-3},
+        stepped, {"needle.static_friction_ratio": 1.3,
+                  "needle.slip_weakening_distance": 2e-3},
     )  # fmt: skip
     level = vary(common, {"target": (0.03, 0.011)})
     found = {

@@ -32,7 +32,7 @@ def coarse(organ: Scene) -> Scene:
     return vary(
         organ,
         {
-            "discretisation.element": "P2",
+            "discretization.element": "P2",
             "mesh.divisions": (12, 12),
             "mesh.interfaces": "fitted",
         },
@@ -58,7 +58,7 @@ def cheap(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_forces_on_the_finer_tissue_say_what_an_insertion_there_would(
     coarse: Scene, element: str
 ) -> None:
-    simulation = Simulation(vary(coarse, {"discretisation.element": element}))
+    simulation = Simulation(vary(coarse, {"discretization.element": element}))
     found = Planner(simulation, np.array(coarse.target)).plan()
     finer, _, _ = finer_tissue(simulation)
     offset = displacement_on(finer, simulation, found)
@@ -88,7 +88,7 @@ def test_linear_elements_are_compared_with_quadratic_ones(organ: Scene) -> None:
 
 def test_stepped_insertions_are_estimated_by_a_whole_one(coarse: Scene) -> None:
     marched = plan(coarse).evidence.estimate
-    steps = {"discretisation.integrator": "quasi-static", "discretisation.path_spacing": 2e-3}
+    steps = {"discretization.integrator": "quasi_static", "discretization.path_spacing": 2e-3}
     stepped = plan(vary(coarse, steps)).evidence.estimate
     assert stepped.error == pytest.approx(marched.error, rel=0.25)
 
@@ -121,7 +121,7 @@ def test_halved_cells_follow_the_contour(coarse: Scene) -> None:
 
 
 def test_estimate_sees_edges_beside_the_contour(coarse: Scene) -> None:
-    rough = vary(coarse, {"discretisation.element": "Q2", "mesh.pattern": "quadrilateral"})
+    rough = vary(coarse, {"discretization.element": "Q2", "mesh.pattern": "quadrilateral"})
     simulation = Simulation(rough)
     found = Planner(simulation, np.array(rough.target)).plan()
     blind = displacement_on(finer_tissue(simulation)[0], simulation, found)
@@ -131,7 +131,7 @@ def test_estimate_sees_edges_beside_the_contour(coarse: Scene) -> None:
 def test_path_error_is_of_second_order(coarse: Scene) -> None:
     moves = []
     for spacing in (1e-3, 2.5e-4):
-        simulation = Simulation(vary(coarse, {"discretisation.path_spacing": spacing}))
+        simulation = Simulation(vary(coarse, {"discretization.path_spacing": spacing}))
         found = Planner(simulation, np.array(coarse.target)).plan()
         moves.append(path_error(simulation, found))
         assert estimate(simulation, found, path=True).path == moves[-1]
@@ -140,7 +140,7 @@ def test_path_error_is_of_second_order(coarse: Scene) -> None:
 
 def test_accuracy_chooses_element_and_sizes(thick: Scene) -> None:
     found = plan(vary(thick, {"planning.accuracy": 9e-6}))
-    first, *_, last = found.evidence.trail
+    first, *_, last = found.evidence.refinement_history
     assert found.status is PlanStatus.PLANNED
     assert first.at_most > 9e-6 >= last.at_most == found.evidence.estimate.at_most
     assert first.element == last.element == "P2"
@@ -187,7 +187,7 @@ def test_placements_on_the_exact_tissue_are_interpolated(thick: Scene) -> None:
 @pytest.mark.usefixtures("cheap")
 def test_benchmark_marks_the_front(thick: Scene) -> None:
     exact = ReferenceSolution(thick, np.array(thick.target))
-    quadratic = vary(thick, {"discretisation.element": "P2", "mesh.interfaces": "fitted"})
+    quadratic = vary(thick, {"discretization.element": "P2", "mesh.interfaces": "fitted"})
     entered = [
         Entrant("P2", "the case's own", lambda: plan(quadratic)),
         Entrant("P1", "P1", lambda: plan(thick)),
@@ -208,7 +208,7 @@ def test_benchmark_varies_sizes_steps_kernels_and_regimes(coarse: Scene) -> None
     assert changed["refined x 1/2, elsewhere x 2"]["mesh.refine.corridor_size"] == 5e-4
     assert changed["elsewhere x 2"]["mesh.divisions"] == (4, 4)
     names = steps(resolve(coarse).scene)
-    assert {"path spacing x 2", "kernel points x 4", "generalised-alpha"} <= set(names)
+    assert {"path spacing x 2", "kernel points x 4", "generalized_alpha"} <= set(names)
 
 
 @pytest.mark.usefixtures("cheap")
@@ -222,7 +222,7 @@ def test_study_counts_what_holds(thick: Scene) -> None:
 def test_what_the_needle_does_afterwards_does_not_make_the_estimate_dearer(
     coarse: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stages = (Stage(to=0.03), Stage(hold=1.0), Stage(to=0.0))
+    stages = (Stage(depth=0.03), Stage(dwell=1.0), Stage(depth=0.0))
     alone = plan(coarse)
     monkeypatch.setattr("needlefem.planning.error_estimate._carried_out", None)
     moved = plan(vary(coarse, {"motion.stages": stages}))

@@ -41,8 +41,8 @@ def organ(organ: Scene) -> Scene:
         {
             "mesh.divisions": (12, 12),
             "needle.tip_radius": 5e-3,
-            "discretisation.path_spacing": 2.5e-3,
-            "planning.golden_tolerance": 3e-4,
+            "discretization.path_spacing": 2.5e-3,
+            "planning.interval_tolerance": 3e-4,
         },
     )
 
@@ -55,7 +55,7 @@ def free(organ: Scene) -> Plan:
 def test_an_obstacle_out_of_the_way_changes_nothing(organ: Scene, free: Plan) -> None:
     found = plan(behind(organ, rod(0.04, 0.05)))
     assert found.status is PlanStatus.PLANNED
-    assert found.barred is None
+    assert found.blocked is None
     assert np.array_equal(found.best.release_point, free.best.release_point)
     assert found.insertions == free.insertions
     (passing,) = found.passings
@@ -69,9 +69,9 @@ def test_the_best_height_allowed_is_at_the_edge(organ: Scene, free: Plan) -> Non
     assert found.status is PlanStatus.BLOCKED
     assert found.best.release_point[0] == pytest.approx(height + 0.0005, abs=1e-9)
     assert kept(found, bar) == pytest.approx(1e-3, abs=1e-9)
-    assert found.best.placement_error > 100.0 * found.barred.release.placement_error
-    assert found.barred.release.release_point == pytest.approx(free.best.release_point)
-    assert found.barred.passing.distance == pytest.approx(0.0005, abs=1e-9)
+    assert found.best.placement_error > 100.0 * found.blocked.release.placement_error
+    assert found.blocked.release.release_point == pytest.approx(free.best.release_point)
+    assert found.blocked.passing.distance == pytest.approx(0.0005, abs=1e-9)
     assert "'bar 0'" in found.sentence
     assert "0.05 cm" in found.sentence
 
@@ -96,7 +96,7 @@ def test_heights_between_two_obstacles_are_found(organ: Scene, free: Plan) -> No
     height = free.best.release_point[0]
     found = plan(behind(organ, rod(0.0, height - 0.00101), rod(height + 0.00101, 0.06)))
     assert found.status is PlanStatus.PLANNED
-    assert found.barred is None
+    assert found.blocked is None
     narrow = plan(behind(organ, rod(0.0, height - 0.0013), rod(height + 0.0009, 0.06)))
     assert narrow.status is PlanStatus.BLOCKED
     assert narrow.best.release_point[0] == pytest.approx(height - 0.0001, abs=1e-9)
@@ -118,8 +118,8 @@ def test_other_directions_are_tried_in_turn(organ: Scene) -> None:
     found = plan(turned)
     assert found.status is PlanStatus.PLANNED
     assert found.insertion.axis.direction == pytest.approx(np.array([0.6, 1.0]) / 1.36**0.5)
-    assert [refusal.status for refusal in found.refusals] == [PlanStatus.UNREACHABLE] * 2
-    assert found.refusals[0].direction == (0.0, 1.0)
+    assert [refusal.status for refusal in found.rejected_directions] == [PlanStatus.UNREACHABLE] * 2
+    assert found.rejected_directions[0].direction == (0.0, 1.0)
     assert kept(found, scene.obstacles["bar 0"].contour) > 1e-3
 
 

@@ -37,13 +37,13 @@ def load(name: str, *overrides: str) -> Scene:
 SCENES: dict[str, Callable[[], Scene]] = {
     "elastic": lambda: load("gel"),
     "quadrilaterals": lambda: load(
-        "gel", "discretisation.element=Q1", "mesh.pattern=quadrilateral"
+        "gel", "discretization.element=Q1", "mesh.pattern=quadrilateral"
     ),
     "out again": lambda: vary(
-        load("gel"), {"motion.stages": (Stage(to=0.012, release="seed"), Stage(to=-1e-3))}
+        load("gel"), {"motion.stages": (Stage(depth=0.012, release="seed"), Stage(depth=-1e-3))}
     ),
     "with inertia": lambda: load(
-        "gel", "discretisation.integrator=generalised-alpha", 'motion.max_depth="4 mm"'
+        "gel", "discretization.integrator=generalised-alpha", 'motion.max_depth="4 mm"'
     ),
 }
 
@@ -87,7 +87,7 @@ def test_plans_travel(made: Copy, tmp_path: Path) -> None:
     assert np.array_equal(other.best.placed_at, plan.best.placed_at)
     assert other.evidence is not None
     assert plan.evidence is not None
-    assert other.evidence.ledger == plan.evidence.ledger
+    assert other.evidence.energy == plan.evidence.energy
     same(other.insertion, plan.insertion)
     images = []
     for number, found in enumerate((plan, other)):
@@ -98,7 +98,7 @@ def test_plans_travel(made: Copy, tmp_path: Path) -> None:
 
 
 def test_plans_of_the_papers_method_travel() -> None:
-    plan = paper_plan(load("prostate-2003", "planning.golden_tolerance=2 mm")).plan
+    plan = paper_plan(load("prostate-2003", "planning.interval_tolerance=2 mm")).plan
     other = sent(plan)
     assert np.array_equal(other.insertion.tips, plan.insertion.tips)
     assert other.best is not None

@@ -23,8 +23,8 @@ def test_plan_hits_and_carrying_it_out_hits_again(organ: Scene) -> None:
 def test_plan_comes_with_its_evidence(organ: Scene) -> None:
     evidence = plan(organ).evidence
     assert all(check.passed for check in evidence.preflight)
-    assert evidence.ledger.residual < 1e-10
-    assert evidence.validity.folded_cells == 0
+    assert evidence.energy.residual < 1e-10
+    assert evidence.validity.inverted_cells == 0
     assert set(evidence.timings) == {"model", "preflight", "search", "estimate", "evidence"}
     assert "dynamics" in evidence.skipped
 
@@ -59,7 +59,7 @@ def test_other_solutions_are_looked_for_on_request(organ: Scene) -> None:
 
 
 def test_target_out_of_the_range_is_said(organ: Scene) -> None:
-    found = plan(vary(organ, {"planning.height_range": (5e-4, 2e-3)}))
+    found = plan(vary(organ, {"planning.offset_range": (5e-4, 2e-3)}))
     assert found.status is PlanStatus.OUTSIDE_RANGE
     assert "no height between +0.05 and +0.2 cm of the target's height hits" in found.sentence
 
@@ -67,7 +67,7 @@ def test_target_out_of_the_range_is_said(organ: Scene) -> None:
 @pytest.mark.parametrize("search", ["root", "golden", "grid"])
 @pytest.mark.parametrize("depth", [1e-4, 0.01, 0.022])
 def test_max_depth_bounds_every_plan_and_is_named(organ: Scene, search: str, depth: float) -> None:
-    shallow = vary(organ, {"motion.max_depth": depth, "planning.golden_tolerance": 5e-4})
+    shallow = vary(organ, {"motion.max_depth": depth, "planning.interval_tolerance": 5e-4})
     found = plan(shallow, search=search)
     assert found.status is PlanStatus.BEYOND_MAX_DEPTH
     assert f"motion.max_depth = {100 * depth:.4g} cm" in found.sentence
@@ -115,7 +115,7 @@ def test_oblique_needle(organ: Scene) -> None:
 
 def test_a_plan_by_steps_is_that_of_the_march(organ: Scene) -> None:
     marched = plan(organ)
-    stepped = plan(vary(organ, {"discretisation.integrator": "quasi-static"}))
+    stepped = plan(vary(organ, {"discretization.integrator": "quasi_static"}))
     assert stepped.status == marched.status
     assert stepped.best is not None
     assert marched.best is not None
@@ -129,7 +129,7 @@ def test_viscoelastic_tissue_is_planned_in_time(organ: Scene) -> None:
         )
         for name, law in organ.materials.items()
     }
-    found = plan(vary(organ, {"materials": laws, "discretisation.time_step": 0.16}))
+    found = plan(vary(organ, {"materials": laws, "discretization.time_step": 0.16}))
     elastic = plan(organ)
     assert found.best is not None
     assert elastic.best is not None

@@ -71,7 +71,7 @@ def test_searches_do_not_take_what_broke_off_for_good(
     organ: Scene, breaking: Break, search: str
 ) -> None:
     """Broken insertions on one side would end nearer to the target than whole ones miss it."""
-    changes = {"planning.golden_tolerance": 2.5e-4, "planning.estimate": False}
+    changes = {"planning.interval_tolerance": 2.5e-4, "planning.estimate": False}
     organ = vary(organ, changes)
     whole = plan(organ, search=search)
     breaking(lambda _, height: height > organ.target[0] + 4e-4)
@@ -88,7 +88,7 @@ def test_a_plan_of_which_every_insertion_breaks_off(
     organ: Scene, breaking: Break, search: str
 ) -> None:
     breaking(lambda *_: True)
-    found = plan(vary(organ, {"planning.golden_tolerance": 1e-3}), search=search)
+    found = plan(vary(organ, {"planning.interval_tolerance": 1e-3}), search=search)
     assert found.status is PlanStatus.NOT_CONVERGED
     assert BROKEN.sentence in found.sentence
     record = plan_record(found)
@@ -99,8 +99,8 @@ def test_a_plan_of_which_every_insertion_breaks_off(
 
 
 def test_an_estimate_whose_own_insertion_breaks_off(organ: Scene, breaking: Break) -> None:
-    steps = {"discretisation.integrator": "quasi-static", "discretisation.path_spacing": 3e-3}
-    breaking(lambda simulation, _: simulation.scene.discretisation.element != "P1")
+    steps = {"discretization.integrator": "quasi_static", "discretization.path_spacing": 3e-3}
+    breaking(lambda simulation, _: simulation.scene.discretization.element != "P1")
     found = plan(vary(organ, steps))
     assert found.status is PlanStatus.PLANNED
     assert found.evidence.estimate is None
@@ -111,7 +111,7 @@ def test_an_estimate_whose_own_insertion_breaks_off(organ: Scene, breaking: Brea
 def test_an_accuracy_is_not_met_by_an_error_that_is_not_known(
     organ: Scene, breaking: Break
 ) -> None:
-    breaking(lambda simulation, _: simulation.scene.discretisation.path_spacing > 1.5e-3)
+    breaking(lambda simulation, _: simulation.scene.discretization.path_spacing > 1.5e-3)
     thick = {"needle.tip_radius": 4e-3, "mesh.refine.corridor_width": 4e-3}
     finer = {**thick, "planning.accuracy": 1e-4}
     # the first spacing is 0.4 radii, 1.6 mm
@@ -156,10 +156,10 @@ def test_targets_lie_in_all_parts_of_a_group() -> None:
 def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
     """Material that the tip jumps over can't be hit, and the jump is named by every search."""
     planner = Planner(Simulation(popping), np.array(popping.target))
-    snap = planner.insertion(np.zeros(1)).snaps[0]
+    snap = planner.insertion(np.zeros(1)).ruptures[0]
     tips = planner.insertion(np.zeros(1)).tips
     between = 0.5 * (tips[snap.first] + tips[snap.last])
-    inside = vary(popping, {"target": tuple(between), "planning.golden_tolerance": 1e-3})
+    inside = vary(popping, {"target": tuple(between), "planning.interval_tolerance": 1e-3})
     for search in ("root", "golden", "grid"):
         found = plan(inside, search=search)
         assert found.status is PlanStatus.UNREACHABLE

@@ -12,7 +12,7 @@ _KNOWN: dict[str, Insertion] = {}
 @pytest.fixture
 def pushed(organ: Scene) -> Insertion:
     """Return one insertion into the organ, with a seed and a way back."""
-    stages = (Stage(to=0.025, release="seed"), Stage(to=-0.002))
+    stages = (Stage(depth=0.025, release="seed"), Stage(depth=-0.002))
     if "pushed" not in _KNOWN:
         _KNOWN["pushed"] = simulate(vary(organ, {"motion.stages": stages}))
     return _KNOWN["pushed"]

@@ -119,7 +119,7 @@ PLAN: dict[str, Callable[[Scene, Plan, Path], object]] = {
 
 @pytest.mark.parametrize("name", PLAN)
 def test_pictures_of_a_plan_are_as_kept(name: str, organ: Scene, tmp_path: Path) -> None:
-    scene = vary(organ, {"planning.height_range": (-3e-3, 3e-3)})
+    scene = vary(organ, {"planning.offset_range": (-3e-3, 3e-3)})
     if "plan" not in _PLANNED:
         _PLANNED["plan"] = plan(scene)
     PLAN[name](scene, _PLANNED["plan"], tmp_path / "new.png")

@@ -63,10 +63,10 @@ TIMELY: dict[str, dict[str, object]] = {
                 youngs_modulus=30e3, poissons_ratio=0.45, shares=(0.4,), times=(2.0,)
             )
         },
-        "motion.stages": (Stage(to=0.01), Stage(hold=3.0)),
+        "motion.stages": (Stage(depth=0.01), Stage(dwell=3.0)),
     },
     "inertia": {
-        "discretisation.integrator": "generalised-alpha",
+        "discretization.integrator": "generalized_alpha",
         "motion.speed": 1.0,
         "motion.max_depth": 0.008,
     },
@@ -236,7 +236,7 @@ def test_command_carries_a_plan_out(tmp_path: Path) -> None:
     coarse = [
         "mesh.divisions=[16, 16]",
         "needle.tip_radius=2 mm",
-        "discretisation.path_spacing=3 mm",
+        "discretization.path_spacing=3 mm",
     ]
     sets = [part for key in coarse for part in ("--set", key)]
     out = ["--out", str(tmp_path), "--no-pictures"]

@@ -54,7 +54,7 @@ def test_every_kind_is_drawn() -> None:
         "auto", "P1", "P2", "Q1", "Q2", "Q1-Bbar", "MINI", "P2-P1", "Q2-Q1",
     }  # fmt: skip
     assert drawn["integrator"] == {
-        "auto", "march", "quasi-static", "newmark", "generalised-alpha",
+        "auto", "path_following", "quasi_static", "newmark", "generalized_alpha",
     }  # fmt: skip
     assert drawn["symmetry"] == {"none", "mirror", "rotation", "scaling"}
 
@@ -77,7 +77,8 @@ def test_units_scale_by_their_exponents() -> None:
 @pytest.fixture
 def stepped(gel: Scene) -> Scene:
     return vary(
-        gel, {"motion.entry": (0.0287, 0.0), "motion.stages": (Stage(to=0.02), Stage(to=0.012))}
+        gel,
+        {"motion.entry": (0.0287, 0.0), "motion.stages": (Stage(depth=0.02), Stage(depth=0.012))},
     )
 
 
@@ -93,7 +94,7 @@ def test_faults_are_seen(stepped: Scene) -> None:
 
     wrong = dataclasses.replace(energies, work=energies.work * (1.0 + 1e-7))
     assert requirements(energies=wrong) == ["energy residual"]
-    wrong = dataclasses.replace(energies, least=-1e-8 * energies.turnover)
+    wrong = dataclasses.replace(energies, least=-1e-8 * energies.total_absolute_work)
     assert requirements(energies=wrong) == ["energy created"]
     last = dataclasses.replace(sound.states[-1], depth=sound.states[-1].depth + 1e-6)
     assert requirements(states=(*sound.states[:-1], last)) == ["last depth"]

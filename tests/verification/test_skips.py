@@ -12,7 +12,7 @@ from verification.benchmarks.skips import skips
 def plain(organ: Scene) -> Scene:
     return vary(
         resolve(organ).scene,
-        {"planning.height_range": (-0.002, 0.002), "planning.golden_tolerance": 1e-4},
+        {"planning.offset_range": (-0.002, 0.002), "planning.interval_tolerance": 1e-4},
     )
 
 

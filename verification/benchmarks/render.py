@@ -27,7 +27,7 @@ RATE = 12.0
 ROUNDS = 3
 MOST = 1.3
 """Largest ratio to the bare loop."""
-VARIANTS = ((), ("discretisation.element=P2",), ("mesh.divisions=[84, 84]",))
+VARIANTS = ((), ("discretization.element=P2",), ("mesh.divisions=[84, 84]",))
 """Changes of the case: as it is, with curved edges, with ten times as many cells."""
 
 

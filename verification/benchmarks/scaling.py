@@ -184,7 +184,7 @@ def grown(scene: Scene, size: int) -> SkfemMesh:
 
 def _room(scene: Scene) -> float:
     needle = scene.needle
-    return 3.0 * needle.tip_radius + max(abs(height) for height in scene.planning.height_range)
+    return 3.0 * needle.tip_radius + max(abs(height) for height in scene.planning.offset_range)
 
 
 def _beside(scene: Scene, mesh: SkfemMesh) -> Floats:

@@ -106,7 +106,7 @@ class Ways:
 
     def insert(self, simulation: Simulation | None = None) -> Insertion:
         """Push the needle in, somewhat deeper than where answers are compared."""
-        beyond = self.depth + 4.0 * self.scene.discretisation.path_spacing
+        beyond = self.depth + 4.0 * self.scene.discretization.path_spacing
         ready = simulation or self.shared
         ready.forget()
         return ready.insert(self.entry, lambda state: state.depth > beyond)
@@ -119,7 +119,7 @@ class Ways:
 
     def pieces(self, simulation: Simulation | None = None) -> Any:
         """Return where the pieces of the path are beside the axis."""
-        count = int(SHARE * self.depth / self.scene.discretisation.path_spacing)
+        count = int(SHARE * self.depth / self.scene.discretization.path_spacing)
         return [piece.offset for piece in self.insert(simulation).pieces[:count]]
 
     def with_key(self, key: str, value: object) -> Simulation:
@@ -146,7 +146,7 @@ class Ways:
 
     def retracted(self) -> Any:
         """Return where in the world a seed is once the needle is out."""
-        stages = (Stage(to=self.depth, release="seed"), Stage(to=0.0))
+        stages = (Stage(depth=self.depth, release="seed"), Stage(depth=0.0))
         return self.with_key("motion.stages", stages).move(self.entry).states[-1].seeds[0]
 
     def planned(self, search: str) -> Any:
@@ -167,11 +167,11 @@ def skips(scene: Scene) -> list[Skip]:
     """Return all that a scene's plan does without."""
     ways = Ways(scene)
     return [
-        Skip(name="dynamics", forced=f"discretisation.integrator = '{DYNAMIC[0]}'",
+        Skip(name="dynamics", forced=f"discretization.integrator = '{DYNAMIC[0]}'",
              lean=ways.tip, full=ways.slow, allowed=SLOW),
-        Skip(name="time_steps", forced="discretisation.integrator = 'quasi-static'",
+        Skip(name="time_steps", forced="discretization.integrator = 'quasi-static'",
              lean=ways.pieces,
-             full=lambda: ways.pieces(ways.with_key("discretisation.integrator", "quasi-static"))),
+             full=lambda: ways.pieces(ways.with_key("discretization.integrator", "quasi_static"))),
         Skip(name="reassembly", forced="a Simulation of its own", lean=ways.tip,
              full=lambda: ways.tip(Simulation(scene))),
         Skip(name="responses_elsewhere", forced="responses.rows(all nodes)",
@@ -187,7 +187,7 @@ def skips(scene: Scene) -> list[Skip]:
              seconds=children_seconds),
         Skip(name="further_insertions", forced="--search golden",
              lean=lambda: ways.planned("root"), full=lambda: ways.planned("golden"),
-             allowed=scene.planning.golden_tolerance),
+             allowed=scene.planning.interval_tolerance),
         Skip(name="repetition", forced="a Simulation for every insertion",
              lean=lambda: ways.planned("root"), full=ways.repeated),
     ]  # fmt: skip

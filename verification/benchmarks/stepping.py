@@ -25,13 +25,13 @@ MOST = 12.0
 def run(case: str) -> Table:
     """Time a march, the same insertion stepped, and turns at depth, responses known."""
     scene = load_case(case)
-    spacing = max(scene.discretisation.path_spacing, tip_element_size(scene) or 0.0)
+    spacing = max(scene.discretization.path_spacing, tip_element_size(scene) or 0.0)
     deep, back = (share * scene.motion.max_depth for share in SHARE)
-    plain = vary(scene, {"discretisation.path_spacing": spacing, "motion.max_depth": deep})
-    turns = (Stage(to=deep), *(Stage(to=back), Stage(to=deep)) * TURNS)
+    plain = vary(scene, {"discretization.path_spacing": spacing, "motion.max_depth": deep})
+    turns = (Stage(depth=deep), *(Stage(depth=back), Stage(depth=deep)) * TURNS)
     motions = {
         "marched in": plain,
-        "stepped in": vary(plain, {"discretisation.integrator": "quasi-static"}),
+        "stepped in": vary(plain, {"discretization.integrator": "quasi_static"}),
         TURNED: vary(plain, {"motion.stages": turns}),
     }
     ready = {name: Simulation(motion) for name, motion in motions.items()}
@@ -73,7 +73,7 @@ def _row(name: str, found: Insertion, seconds: float, unit: float) -> list[objec
     count = len(found.states)
     mixed = sum(_mixed(state) for state in found.states)
     each = seconds / count
-    return [name, count, found.evaluations, mixed, 1e3 * each, round(each / unit, 1)]
+    return [name, count, found.contact_solves, mixed, 1e3 * each, round(each / unit, 1)]
 
 
 def _mixed(state: State) -> bool:

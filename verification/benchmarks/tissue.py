@@ -98,7 +98,7 @@ def _times(scene: Scene) -> tuple[dict[str, float], int, float]:
         "Newmark, damped": Newmark().stepper(damped, STEP),
         "Newmark": Newmark().stepper(plain, STEP),
         "generalised-alpha, damped": GeneralizedAlpha().stepper(damped, STEP),
-        "quasi-static": QuasiStatic().stepper(plain, STEP),
+        "quasi_static": QuasiStatic().stepper(plain, STEP),
         "central difference, lumped mass": explicit.stepper(lumped, 1e-6),
     }
     count = max(3, int(WORK / plain.size))

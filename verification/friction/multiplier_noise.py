@@ -16,7 +16,7 @@ DIVISIONS = (15, 30, 60)
 
 def scene(element: str, divisions: int, share: float) -> Scene:
     """Return a needle that goes in and a little back, with pieces of a share of an element."""
-    stages = Stage(to=DEPTH), Stage(to=DEPTH - BACK)
+    stages = Stage(depth=DEPTH), Stage(depth=DEPTH - BACK)
     return organ_in_gel(
         element, divisions, share * SIZE / divisions, max_depth=DEPTH, stages=stages
     )
@@ -38,7 +38,7 @@ def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]
     """Compare the roughness on the finest mesh with that on the coarsest."""
     rough = []
     for divisions in counts:
-        changes = {"needle.stick_stiffness": stiffness}
+        changes = {"needle.tangential_penalty": stiffness}
         found = simulate(vary(scene(element, divisions, share), changes))
         deepest = found.states[int(np.argmax(found.depths))]
         forces = of_shaft(deepest)[0], of_shaft(found.states[-1])[1]

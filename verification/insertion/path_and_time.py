@@ -15,12 +15,12 @@ SPACINGS = (2.4e-3, 1.2e-3, 0.6e-3)
 def scene(spacing: float) -> Scene:
     """Return an organ in gel that a needle passes beside its middle."""
     plain = organ_in_gel("P2", 30, spacing, max_depth=0.03)
-    return vary(plain, {"discretisation.kernel_points": 200})
+    return vary(plain, {"discretization.tip_quadrature_points": 200})
 
 
 def in_depth(marched: Insertion, spacing: float, step: float) -> float:
     """Return how far steps in depth are off the march at its own depths, m."""
-    changes = {"discretisation.integrator": "quasi-static", "discretisation.time_step": step}
+    changes = {"discretization.integrator": "quasi_static", "discretization.time_step": step}
     found = simulate(vary(scene(spacing), changes))
     return apart(found, marched.depths[2:-1], marched.tips[2:-1])
 

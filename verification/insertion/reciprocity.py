@@ -27,11 +27,11 @@ QUICK = ("turned by 40 degrees and shifted", "mirrored and turned")
 def scene(element: str, friction: float = 10e3) -> Scene:
     """Return an organ in gel and a needle that goes in, rests, out in part, in again, and out."""
     stages = (
-        Stage(to=0.03),
-        Stage(hold=1.0),
-        Stage(to=0.01, release="seed"),
-        Stage(to=0.032),
-        Stage(to=-0.001),
+        Stage(depth=0.03),
+        Stage(dwell=1.0),
+        Stage(depth=0.01, release="seed"),
+        Stage(depth=0.032),
+        Stage(depth=-0.001),
     )
     return organ_in_gel(
         element, 16, 1.5e-3, max_depth=0.035, stages=stages, tip_radius=2e-3, friction=friction,
@@ -95,7 +95,9 @@ def run(quick: bool) -> ProblemResult:
         seed = found.states[-1].seeds[0] - found.seeds[0].point
         values["seed at rest off its material"] = float(np.max(np.abs(seed)) / 0.01)
         values["ledger"] = energies.residual
-        values["given by a step, over the work"] = -energies.least / energies.turnover
+        values["given by a step, over the work"] = (
+            -energies.smallest_dissipation / energies.total_absolute_work
+        )
         answers += [
             Quantity(label=f"{element}: {label}", value=value, tolerance=1e-9, recorded=False)
             for label, value in values.items()

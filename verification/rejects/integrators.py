@@ -20,11 +20,11 @@ from needlefem.dynamics import (
 RIGHT: dict[str, Integrator] = {
     "Newmark": Newmark(),
     "HHT": HHT(alpha=-0.1),
-    "generalised-alpha": GeneralizedAlpha(rho_inf=0.8),
+    "generalized_alpha": GeneralizedAlpha(rho_inf=0.8),
     "central difference": CentralDifference(),
 }
 
-QUICK = ("generalised-alpha", "central difference")
+QUICK = ("generalized_alpha", "central difference")
 """What a quick run qualifies: one that is implicit and one that is not."""
 
 

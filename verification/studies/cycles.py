@@ -32,11 +32,11 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def cycled(scene: Scene, cycles: int) -> Table:
     """Return the table of so many cycles."""
     depth = 0.5 * scene.motion.max_depth
-    once = (Stage(to=depth), Stage(hold=1.0), Stage(to=-1e-3))
+    once = (Stage(depth=depth), Stage(dwell=1.0), Stage(depth=-1e-3))
     changes = {
         "motion.stages": once * cycles,
-        "discretisation.path_spacing": depth / PIECES,
-        "discretisation.integrator": "quasi-static",
+        "discretization.path_spacing": depth / PIECES,
+        "discretization.integrator": "quasi_static",
     }
     simulation = Simulation(vary(scene, changes))
     course = simulation.insertion_run(simulation.entry_of_case())
@@ -54,7 +54,12 @@ def cycled(scene: Scene, cycles: int) -> Table:
         rested = resting
         if state.tip_phase is TipPhase.OUTSIDE and course.stepping is not None:
             account = course.stepping.energy_balance
-            left = max(left, abs(account.strain) / account.turnover if account.turnover else 0.0)
+            left = max(
+                left,
+                abs(account.strain) / account.total_absolute_work
+                if account.total_absolute_work
+                else 0.0,
+            )
     if number < cycles:
         raise SimulationError(f"only {number} of {cycles} cycles: {course.outcome.sentence}")
     growth = rows[-1][-1] / rows[2][-1] - 1.0

@@ -39,8 +39,8 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def moving(scene: Scene, integrator: str, speed: float, damping: Rayleigh) -> Scene:
     """Return the scene at a speed, stepped with inertia or without."""
     changes = {
-        "discretisation.integrator": integrator,
-        "discretisation.time_step": TRAVEL / speed,
+        "discretization.integrator": integrator,
+        "discretization.time_step": TRAVEL / speed,
         "motion.speed": speed,
         "damping": damping,
     }
@@ -56,7 +56,7 @@ def inserted(scene: Scene, depth: float) -> Insertion:
 
 def over_speed(scene: Scene, integrator: str) -> Table:
     """Return the difference of the material points at the tip, over the speed."""
-    fine = vary(scene, {"discretisation.path_spacing": 0.25 * scene.discretisation.path_spacing})
+    fine = vary(scene, {"discretization.path_spacing": 0.25 * scene.discretization.path_spacing})
     depth = 0.6 * scene.motion.max_depth
     path = TipTrajectory(inserted(fine, depth + 3e-3))
     rows: list[list[Any]] = []
@@ -68,7 +68,9 @@ def over_speed(scene: Scene, integrator: str) -> Table:
             if state.depth > 0.5 * depth and (reach := path.at_depth(state.depth)) is not None
         ]
         energies = energy_terms(found)
-        rows.append([100.0 * speed, 100.0 * max(apart), energies.residual, energies.given])
+        rows.append(
+            [100.0 * speed, 100.0 * max(apart), energies.residual, energies.largest_energy_gain]
+        )
     falls = all(a[1] >= b[1] for a, b in pairwise(rows))
     slow = all(row[1] <= 100.0 * BOUND for row in rows if row[0] <= 100.0 * SLOW)
     return Table(
@@ -90,7 +92,7 @@ def landings(scene: Scene) -> Table:
     }
     hard = vary(scene, changes)
     rows: list[list[Any]] = []
-    kinds = {"without inertia": ("quasi-static", Rayleigh())} | {
+    kinds = {"without inertia": ("quasi_static", Rayleigh())} | {
         f"{name}, {kind}": (name, damping)
         for name in DYNAMIC
         for kind, damping in {"undamped": Rayleigh(), "overdamped": OVERDAMPED}.items()
@@ -100,7 +102,7 @@ def landings(scene: Scene) -> Table:
         energies, (jump, at) = energy_terms(found), leap(found)
         place = float(found.axis.axial_coordinate(found.states[-1].tip))
         rows.append([kind, str(found.outcome.status), 100.0 * at, 100.0 * jump, 100.0 * place,
-                     energies.residual, energies.given])  # fmt: skip
+                     energies.residual, energies.largest_energy_gain])  # fmt: skip
     return Table(
         title=f"cutting force times {HARD:g}, friction over it: the longest leap of the tip",
         columns=("tissue", "status", "at (cm)", "leap (cm)", "tip at last (cm)", "ledger", "given"),
@@ -120,24 +122,24 @@ def leap(found: Insertion) -> tuple[float, float]:
 def at_length(scene: Scene) -> Table:
     """Return forces at rest and energies of a needle that goes in, to and fro, and out."""
     depth, back = 0.4 * scene.motion.max_depth, 0.3 * scene.motion.max_depth
-    to_and_fro = (Stage(hold=1.0), Stage(to=back), Stage(hold=1.0), Stage(to=depth))
-    stages = (Stage(to=depth), *(CYCLES * to_and_fro), Stage(to=0.0), Stage(hold=5.0))
-    spacing = scene.discretisation.path_spacing
+    to_and_fro = (Stage(dwell=1.0), Stage(depth=back), Stage(dwell=1.0), Stage(depth=depth))
+    stages = (Stage(depth=depth), *(CYCLES * to_and_fro), Stage(depth=0.0), Stage(dwell=5.0))
+    spacing = scene.discretization.path_spacing
     changes = {
         "motion.stages": stages,
-        "needle.static_friction": 1.5,
-        "needle.weakening_length": spacing,
+        "needle.static_friction_ratio": 1.5,
+        "needle.slip_weakening_distance": spacing,
     }
     rows: list[list[Any]] = []
-    for integrator in ("quasi-static", *DYNAMIC):
+    for integrator in ("quasi_static", *DYNAMIC):
         moved = vary(moving(scene, integrator, SLOW, DAMPING), changes)
-        moved = vary(moved, {"discretisation.time_step": 0.5 * spacing / SLOW})
+        moved = vary(moved, {"discretization.time_step": 0.5 * spacing / SLOW})
         simulation = Simulation(moved)
         found = simulation.move(simulation.entry_of_case())
         forces = [state.force for state in found.states if state.depth == depth]
         rows.append([integrator, len(found.states), str(found.outcome.status),
                      forces[len(forces) // 2], forces[-1], energy_terms(found).residual,
-                     energy_terms(found).given])  # fmt: skip
+                     energy_terms(found).largest_energy_gain])  # fmt: skip
     return Table(
         title=f"{CYCLES} times to and fro with holds, static over kinetic friction 1.5",
         columns=("tissue", "steps", "status", "force half way", "at last", "ledger", "given"),

@@ -13,16 +13,16 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     del other
     rows: list[list[object]] = []
     for factor in (1.0, 0.5, 0.25):
-        spacing = factor * scene.discretisation.path_spacing
-        simulation = Simulation(vary(scene, {"discretisation.path_spacing": spacing}))
+        spacing = factor * scene.discretization.path_spacing
+        simulation = Simulation(vary(scene, {"discretization.path_spacing": spacing}))
         insertion = simulation.insert(simulation.entry_of_case())
         consistent, trapezoidal = energy_terms(insertion), energy_terms(insertion, trapezoidal=True)
         holds = (
-            consistent.identity <= IDENTITY
+            consistent.strain_energy_mismatch <= IDENTITY
             and consistent.residual <= CONSISTENT
             and trapezoidal.residual <= TRAPEZOIDAL
         )
-        residuals = (consistent.identity, consistent.residual, trapezoidal.residual)
+        residuals = (consistent.strain_energy_mismatch, consistent.residual, trapezoidal.residual)
         rows.append([1e3 * spacing, consistent.work, *residuals, holds])
     return [
         Table(

@@ -48,13 +48,13 @@ def _peak(scene: Scene, length: float, step: float) -> float:
     deep = scene.motion.max_depth
     on = 0.5 * deep + 4.0 * LENGTH
     fast = 100.0 * scene.motion.speed  # time is of no consequence: long steps on the way in
-    stages = (Stage(to=0.5 * deep, speed=fast), Stage(hold=1.0), Stage(to=on))
+    stages = (Stage(depth=0.5 * deep, speed=fast), Stage(dwell=1.0), Stage(depth=on))
     changes = {
         "motion.stages": stages,
-        "needle.static_friction": RATIO,
-        "needle.weakening_length": length,
-        "discretisation.path_spacing": 2.0 * scene.discretisation.path_spacing,
-        "discretisation.time_step": step / scene.motion.speed,
+        "needle.static_friction_ratio": RATIO,
+        "needle.slip_weakening_distance": length,
+        "discretization.path_spacing": 2.0 * scene.discretization.path_spacing,
+        "discretization.time_step": step / scene.motion.speed,
     }
     simulation = Simulation(vary(scene, changes))
     course = simulation.insertion_run(simulation.entry_of_case())

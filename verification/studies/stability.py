@@ -39,18 +39,18 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes to the scene, by name."""
     radius = scene.needle.tip_radius
-    background = field_of(scene, f"materials.{scene.background}.youngs_modulus")
+    background = field_of(scene, f"materials.{scene.default_material}.youngs_modulus")
     stiff = next(region.material for region in scene.regions.values())
     found: dict[str, dict[str, Any]] = {
         "as it is": {},
-        "linear elements": {"discretisation.element": "P1"},
+        "linear elements": {"discretization.element": "P1"},
         "contour not fitted": {"mesh.interfaces": "centroid"},
         "point tip": {"needle.tip": "point"},
     }
     names = [f"materials.{name}.poissons_ratio" for name in scene.materials]
     for ratio in (0.3, 0.4, 0.45, 0.49, 0.4999, 0.499999):
         ratios: dict[str, Any] = dict.fromkeys(names, ratio)
-        found[f"Poisson's ratio {ratio}"] = {**ratios, "discretisation.element": "auto"}
+        found[f"Poisson's ratio {ratio}"] = {**ratios, "discretization.element": "auto"}
     found["quadratic elements at 0.4999"] = dict.fromkeys(names, 0.4999)
     for contrast in (1.0, 10.0, 100.0, 1000.0, 1e6):
         found[f"contrast {contrast:g}"] = {
@@ -60,10 +60,10 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
         found[f"elements {factor:g} tip radii"] = {"mesh.refine.corridor_size": factor * radius}
     for factor in (1.0, 0.25, 0.05):
         found[f"path spacing {factor:g} tip radii"] = {
-            "discretisation.path_spacing": factor * radius
+            "discretization.path_spacing": factor * radius
         }
     for hold in (1e6, 1e8, 1e12):
-        found[f"lateral hold {hold:g} N/m^3"] = {"needle.lateral_stiffness": hold}
+        found[f"lateral hold {hold:g} N/m^3"] = {"needle.lateral_penalty": hold}
     for aspect in (10, 100):
         found[f"slivers 1 : {aspect}"] = {
             "mesh.divisions": (round(95 / aspect**0.5), aspect * round(95 / aspect**0.5)),
@@ -80,9 +80,9 @@ def fine(scene: Scene) -> Scene:
     return vary(
         scene,
         {
-            "discretisation.element": "auto",
-            "discretisation.path_spacing": 8e-4,
-            "needle.lateral_stiffness": 1e10,
+            "discretization.element": "auto",
+            "discretization.path_spacing": 8e-4,
+            "needle.lateral_penalty": 1e10,
             "needle.tip": "disc",
             "mesh.divisions": (18, 18),
             "mesh.interfaces": "fitted",
@@ -100,7 +100,7 @@ def _planned(scene: Scene, name: str, changes: dict[str, Any]) -> list[Any]:
     except NeedlefemError as refusal:
         return [name, f"refused: {refusal}"[:60], "", "", 0, True]
     warnings = len(resolve(varied).warnings)  # of the discretisation, known beforehand
-    ledger = None if found.evidence is None else found.evidence.ledger
+    ledger = None if found.evidence is None else found.evidence.energy
     reach = carry_out(fine(varied), found)
     error = np.inf if reach is None else float(np.linalg.norm(reach.point - found.target))
     told = error <= LARGEST_QUIET_ERROR or warnings > 0 or found.status != "planned"
@@ -116,7 +116,7 @@ def time_steps(scene: Scene) -> Table:
     path = TipTrajectory(simulation.insert(entry, lambda state: state.depth > depth + 3e-3))
     rows: list[list[Any]] = []
     for step in (1e-3, 1e-2, 1.0 / 30.0, 1e-1, 1.0):
-        changes = {"discretisation.integrator": "newmark", "discretisation.time_step": step}
+        changes = {"discretization.integrator": "newmark", "discretization.time_step": step}
         moving = Simulation(vary(scene, changes), simulation.model)
         found = moving.insert(entry, lambda state: state.depth >= depth)
         last, reach = found.states[-1], path.at_depth(found.states[-1].depth)

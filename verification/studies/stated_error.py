@@ -49,10 +49,10 @@ def exact(scene: Scene, found: Plan) -> Simulation:
     if not isinstance(concrete.mesh, FileMesh):
         turned = vary(scene, {"motion.direction": concrete.motion.direction})
         return reference(turned, np.array(found.target))
-    chosen = concrete.discretisation
+    chosen = concrete.discretization
     finer = {
-        "discretisation.path_spacing": PATH * chosen.path_spacing,
-        "discretisation.kernel_points": KERNEL * chosen.kernel_points,
+        "discretization.path_spacing": PATH * chosen.path_spacing,
+        "discretization.tip_quadrature_points": KERNEL * chosen.tip_quadrature_points,
     }
     mesh = uniformly_refined(uniformly_refined(found.insertion.model.mesh))
     refined = vary(concrete, finer)

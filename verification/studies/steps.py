@@ -30,16 +30,16 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def stepped(scene: Scene, integrator: str, steps: int) -> Table:
     """Return the table of so many steps by an integrator."""
     deep, back = 0.4 * scene.motion.max_depth, 0.3 * scene.motion.max_depth
-    once = (Stage(hold=1.0), Stage(to=back), Stage(hold=1.0), Stage(to=deep))
+    once = (Stage(dwell=1.0), Stage(depth=back), Stage(dwell=1.0), Stage(depth=deep))
     cycles = int(np.ceil(steps * STEP / (2.0 * (1.0 + (deep - back) / SLOW))))
     changes = {
-        "motion.stages": (Stage(to=deep), *(cycles * once), Stage(hold=1.0)),
-        "needle.static_friction": 1.5,
-        "needle.weakening_length": WEAKENING,
-        "discretisation.path_spacing": deep / PIECES,
+        "motion.stages": (Stage(depth=deep), *(cycles * once), Stage(dwell=1.0)),
+        "needle.static_friction_ratio": 1.5,
+        "needle.slip_weakening_distance": WEAKENING,
+        "discretization.path_spacing": deep / PIECES,
     }
     moved = vary(moving(scene, integrator, SLOW, DAMPING), changes)
-    simulation = Simulation(vary(moved, {"discretisation.time_step": STEP}))
+    simulation = Simulation(vary(moved, {"discretization.time_step": STEP}))
     course = simulation.insertion_run(simulation.entry_of_case())
     seen = list(_rests(course, deep))
     if len(seen) < cycles or course.stepping is None:
@@ -57,9 +57,9 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
         ),
         rows=rows,
         passed=max(drifts) <= DRIFT and growth <= GROWTH and ledger.residual <= LEAK
-        and ledger.given <= GIVEN,
+        and ledger.largest_energy_gain <= GIVEN,
         note=f"at the end of a rest; kinetic energy over the work of a cycle; caught: pieces that "
-        f"slid and stick, so far; ledger {ledger.residual:.1e}, given {ledger.given:.1e}; memory "
+        f"slid and stick, so far; ledger {ledger.residual:.1e}, given {ledger.largest_energy_gain:.1e}; memory "
         f"grows by {100 * growth:.2g} % after a tenth of the steps",
     )  # fmt: skip
 
@@ -74,7 +74,7 @@ def _rests(course: InsertionRun, deep: float) -> Iterator[list[float]]:
             if old.depth == deep and state.depth != deep and course.stepping is not None:
                 number += 1
                 account = course.stepping.energy_balance
-                kinetic = account.kinetic / (account.turnover / number)
+                kinetic = account.kinetic / (account.total_absolute_work / number)
                 cut = advance(old.tip, tip)[1]
                 yield [number, count + 1, old.force, cut, kinetic, stuck, most_memory()]
                 tip = old.tip

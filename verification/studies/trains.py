@@ -23,9 +23,9 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     deep = 0.75 * scene.motion.max_depth
     pitch = 0.8 * deep / (SEEDS - 1)
     stages = (
-        Stage(to=deep),
-        Stage(to=0.1 * deep, train=SEEDS, pitch=pitch, release="seed"),
-        Stage(to=-1e-3),
+        Stage(depth=deep),
+        Stage(depth=0.1 * deep, seed_count=SEEDS, seed_spacing=pitch, release="seed"),
+        Stage(depth=-1e-3),
     )
     simulation = Simulation(vary(scene, {"motion.stages": stages}))
     found = simulation.move(simulation.entry_of_case())
@@ -39,7 +39,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
             columns=("seed", "released at (cm)", "shortcut (cm)", "simulated (cm)",
                      "apart (cm)", "left over (cm)"),
             rows=rows,
-            passed=off <= REST * deep and _apart(first.shortcut, first) <= REST * deep,
+            passed=off <= REST * deep and _apart(first.elastic_prediction, first) <= REST * deep,
             note="depths; shortcut: material at the tip at that depth on the way in; left over: "
             "distance of the simulated seed from the material of its release, needle out",
         )
@@ -48,8 +48,12 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 def _row(found: Insertion, seed: Seed, place: Vector) -> list[object]:
     along = found.axis.axial_coordinate
-    apart, left = _apart(seed.shortcut, seed), _apart(place, seed)
-    depths = (float(along(seed.released_at)), float(along(seed.shortcut)), float(along(place)))
+    apart, left = _apart(seed.elastic_prediction, seed), _apart(place, seed)
+    depths = (
+        float(along(seed.released_at)),
+        float(along(seed.elastic_prediction)),
+        float(along(place)),
+    )
     return [seed.name, *(100.0 * depth for depth in depths), 100.0 * apart, 100.0 * left]
 
 

@@ -100,7 +100,7 @@ def _path(
         cutting_force=np.zeros(model.nnodes),
         shaft_friction=np.zeros(model.nnodes),
         section=cross_section(thickness, 24 if thickness else 1, model.dim),
-        lateral_stiffness=LATERAL_STIFFNESS,
+        lateral_penalty=LATERAL_STIFFNESS,
         spacing=float(np.linalg.norm(end - start)) / pieces,
         inward=direction,
     )

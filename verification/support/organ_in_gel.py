@@ -7,7 +7,7 @@ import numpy as np
 
 from needlefem.geometry import Contour
 from needlefem.materials import Isotropic
-from needlefem.scene import BoxMesh, Discretisation, Motion, Needle, Region, Scene, Stage, Support
+from needlefem.scene import BoxMesh, Discretization, Motion, Needle, Region, Scene, Stage, Support
 
 SIZE, CENTRE, RADIUS = 0.06, (0.036, 0.025), 0.012
 """Edge of the square, centre and radius of the organ, m."""
@@ -53,11 +53,13 @@ def organ_in_gel(
             name: Isotropic(youngs_modulus=modulus, poissons_ratio=0.45)
             for name, modulus in MODULI.items()
         },
-        background="gel",
+        default_material="gel",
         regions={"organ": Region(contour=Contour(outline), material="stiff")},
         supports={"walls": Support(faces=("y_min", "y_max", "z_max"))},
-        discretisation=Discretisation(
-            element=element, path_spacing=spacing, kernel_points=_points(tip_radius, divisions)
+        discretization=Discretization(
+            element=element,
+            path_spacing=spacing,
+            tip_quadrature_points=_points(tip_radius, divisions),
         ),
         needle=Needle(tip_radius=tip_radius, cutting_force=50.0, shaft_friction=friction),
         motion=Motion(

@@ -11,7 +11,7 @@ from needlefem.errors import CaseError
 from needlefem.materials import Isotropic, Orthotropic, Viscoelastic
 from needlefem.scene import (
     BoxMesh,
-    Discretisation,
+    Discretization,
     FileMesh,
     Limits,
     Motion,
@@ -78,7 +78,7 @@ def test_constructors_check(folder, run):
         "motion.direction": lambda: Motion(direction=(0.0, math.nan), max_depth=0.1),
         "motion.max_depth": lambda: Motion(direction=(0.0, 1.0), max_depth=np.nan),
         "motion.stages": lambda: Stage(),
-        "motion.stages.pitch": lambda: Stage(to=0.1, pitch=0.1),
+        "motion.stages.pitch": lambda: Stage(depth=0.1, seed_spacing=0.1),
         "mesh.divisions": lambda: BoxMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2)),
         "mesh.cell": lambda: FileMesh(path="x.msh", unit=1.0, cell="hexagon"),
         "mesh.path": lambda: FileMesh(path=3, unit=1.0),
@@ -86,7 +86,7 @@ def test_constructors_check(folder, run):
         "supports.NAME.faces": lambda: Support(faces="y_min"),
         "planning.height_range": lambda: Planning(height_range=(1.0, 0.0)),
         "planning.directions": lambda: Planning(directions=((0.0, 0.0),)),
-        "discretisation.kernel_points": lambda: Discretisation(kernel_points=1.5),
+        "discretisation.kernel_points": lambda: Discretization(kernel_points=1.5),
         "damping.frequencies": lambda: Rayleigh(frequencies=(1.0, 2.0)),
         "targets.seed": lambda: TargetDraw(region="x", seed=-1),
         "limits.memory": lambda: Limits(memory="8 parsec"),
@@ -113,7 +113,7 @@ def test_arrays_units_and_directions_are_accepted(folder, run):
         "needle.shaft_friction": "8 kPa",
         "motion.direction": np.array([0.0, 2.0]),
         "motion.entry": np.array([0.033, 0.0]),
-        "motion.stages": [{"to": "2 cm"}, Stage(hold=1.0)],
+        "motion.stages": [{"to": "2 cm"}, Stage(dwell=1.0)],
         "target": [0.033, np.float64(0.033)],
         "mesh.divisions": np.array([8, 9]),
         "discretization.integrator": "generalized_alpha",
@@ -123,11 +123,11 @@ def test_arrays_units_and_directions_are_accepted(folder, run):
     assert found.needle.shaft_friction == 8e3
     assert type(found.needle.cutting_force) is float
     assert found.motion.direction == (0.0, 1.0)
-    assert found.motion.stages == (Stage(to=0.02), Stage(hold=1.0))
+    assert found.motion.stages == (Stage(depth=0.02), Stage(dwell=1.0))
     assert found.target == (0.033, 0.033)
     assert found.mesh.divisions == (8, 9)
     assert type(found.mesh.divisions[0]) is int
-    assert found.discretisation.integrator == "generalised-alpha"
+    assert found.discretization.integrator == "generalised-alpha"
     turned = dataclasses.replace(scene.motion, direction=[3.0, 4.0]).direction
     assert turned == (0.6, 0.8)
 
