@@ -311,7 +311,8 @@ class EnergyBalance:
         let_go = self._let_go(old, new, sides, travel)
         friction, capture = friction - caught - let_go, capture + let_go
         return EnergyIncrement(
-            work=work, strain=strain, lateral_penalty_energy=hold, friction=friction, cutting=cutting, rupture=snap,
+            work=work, strain=strain, lateral_penalty_energy=hold, friction=friction,
+            cutting=cutting, rupture=snap,
             contact_activation=capture + caught, caught=caught, strain_energy_mismatch=mismatch,
         )  # fmt: skip
 

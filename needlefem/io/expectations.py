@@ -29,7 +29,8 @@ KEYS = {
         "unplanned": TABLE, "depth_only": TABLE, "insertions": VALUE, "search": TABLE,
         "other_solutions": LIST, "scan_insertions": VALUE, "ruptures": VALUE, "direction": LIST,
         "obstacles": LIST, "blocked": TABLE, "rejected_directions": LIST, "energy_residual": VALUE,
-        "estimate": TABLE, "refinement_history": LIST, "preflight": LIST, "headline": TABLE, "missing": TABLE,
+        "estimate": TABLE, "refinement_history": LIST, "preflight": LIST, "headline": TABLE,
+        "missing": TABLE,
     },
 }  # fmt: skip
 """What the results of a command have in them, so that a key that can't exist is refused early."""

@@ -86,7 +86,9 @@ if not TYPE_CHECKING:
         __name__,
         build="build_mesh",
         discretization="BoxMesh DYNAMIC Discretization FileMesh Limits Rayleigh Refinement",
-        resolve="Resolved cheapest tip_quadrature_points slowest_wave tip_element_size with_element",
+        resolve=(
+            "Resolved cheapest tip_quadrature_points slowest_wave tip_element_size with_element"
+        ),
         schema=(
             "Expectation Motion Needle Obstacle Outputs Planning Region Scene Stage "
             "TargetDraw point_of"

@@ -212,7 +212,8 @@ def test_keys_of_a_file_without_effect_are_told() -> None:
     assert not unused_keys(scene, "plan")
     changes = {
         "mesh.refine.corridor_width": 1e-2, "mesh.refine.corridor_depth": 3e-2,
-        "needle.slip_weakening_distance": 1e-3, "planning.max_unknowns": 9, "outputs.folder": "there",
+        "needle.slip_weakening_distance": 1e-3, "planning.max_unknowns": 9,
+        "outputs.folder": "there",
         "planning.directions": ((0.1, 1.0),), "damping": Rayleigh(mass_rate=1.0),
     }  # fmt: skip
     told = unused_keys(vary(scene, changes), "plan")

@@ -53,8 +53,8 @@ def pushed(element: str) -> list[Quantity]:
         energies, force = energy_terms(insertion), insertion.states[-1].force
         answers += [
             Quantity(label=f"{label}: force", value=force, reference=exact, tolerance=1e-10),
-            Quantity(label=f"{label}: strain identity", value=energies.strain_energy_mismatch, tolerance=1e-10,
-                   recorded=False),
+            Quantity(label=f"{label}: strain identity", value=energies.strain_energy_mismatch,
+                     tolerance=1e-10, recorded=False),
             Quantity(label=f"{label}: ledger", value=energies.residual, tolerance=1e-6,
                    recorded=False),
         ]  # fmt: skip

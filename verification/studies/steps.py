@@ -59,8 +59,8 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
         passed=max(drifts) <= DRIFT and growth <= GROWTH and ledger.residual <= LEAK
         and ledger.largest_energy_gain <= GIVEN,
         note=f"at the end of a rest; kinetic energy over the work of a cycle; caught: pieces that "
-        f"slid and stick, so far; ledger {ledger.residual:.1e}, given {ledger.largest_energy_gain:.1e}; memory "
-        f"grows by {100 * growth:.2g} % after a tenth of the steps",
+        f"slid and stick, so far; ledger {ledger.residual:.1e}, given "
+        f"{ledger.largest_energy_gain:.1e}; memory grows by {100 * growth:.2g} % after a tenth of the steps",
     )  # fmt: skip
 
 
