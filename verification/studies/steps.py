@@ -60,7 +60,8 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
         and ledger.largest_energy_gain <= GIVEN,
         note=f"at the end of a rest; kinetic energy over the work of a cycle; caught: pieces that "
         f"slid and stick, so far; ledger {ledger.residual:.1e}, given "
-        f"{ledger.largest_energy_gain:.1e}; memory grows by {100 * growth:.2g} % after a tenth of the steps",
+        f"{ledger.largest_energy_gain:.1e}; memory grows by "
+        f"{100 * growth:.2g} % after a tenth of the steps",
     )  # fmt: skip
 
 
