@@ -30,6 +30,7 @@ ENOUGH = 1e-4
 TWICE = 2.0
 """By which another must be faster, and no less accurate, to beat it."""
 OWN = "the case's own"
+"""Name of the entrant that plans a case as it is."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

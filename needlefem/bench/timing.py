@@ -10,6 +10,7 @@ from needlefem.plotting.verification_report import Bar, bars
 LONG = 1.0
 """Seconds after which a task is not repeated."""
 Timed = Mapping[str, Callable[[], object]]
+"""Tasks to time, by their names."""
 
 
 def in_turn(

@@ -15,6 +15,8 @@ from needlefem.elements.shape_functions import Rule, gauss, simplex
 from needlefem.errors import CaseError, matching, nearest, short
 
 DISPLACEMENT, BBAR, MIXED = "plain", "mean", "pressure"
+"""How an element treats volume changes: by displacements alone, by their mean in a cell (B-bar
+method), or by a pressure of its own (mixed method); values of `ElementType.volume`."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -159,6 +161,7 @@ _ROWS = (
 )  # fmt: skip
 
 CATALOGUE: dict[str, ElementType] = {row.name: row for row in _ROWS}
+"""The elements that a case can name, by their names."""
 
 
 def element_row(name: str, key: str = "discretization.element") -> ElementType:

@@ -74,6 +74,7 @@ class _Laws(Mapping[str, type]):
 
 
 LAWS = _Laws()
+"""The classes of the laws that a case can name, by their names."""
 
 
 def law_class(name: str, key: str) -> type:

@@ -19,6 +19,7 @@ EDGE = 1e-9
 """Tolerance for round-off in the comparison of a distance with the clearance, m."""
 
 Interval = tuple[float, float]
+"""An interval of offsets, from its lower to its upper end, m."""
 
 
 @dataclasses.dataclass(frozen=True)

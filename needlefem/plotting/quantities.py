@@ -79,6 +79,7 @@ QUANTITIES = {
         note="small strain holds up to 1; orange: folded cells",
     ),
 }  # fmt: skip
+"""The fields that a picture can show, by the names of ``--field``."""
 
 
 def quantity(name: str) -> FieldQuantity:
