@@ -18,13 +18,18 @@ def describe_commands() -> str:
     listed = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     parts = []
     for name, sub in listed.choices.items():
-        rows = [_row(action) for action in sub._actions if action.dest not in SHARED]
+        rows = [_row(action) for action in sub._actions if _shown(action)]
         head = ["| argument | meaning | default |", "|---|---|---|"]
         table = ["", *head, *rows] if rows else []
         sentence = COMMANDS[name][0].upper() + COMMANDS[name][1:] + "."
         names = _names(NAMED[name]() if name in NAMED else {})
         parts.append("\n".join([f"## `needlefem {name}`", "", sentence, *table, *names]))
     return "\n\n".join(parts) + "\n"
+
+
+def _shown(action: argparse.Action) -> bool:
+    """Say whether an argument has a row: old names of options have none."""
+    return action.dest not in SHARED and action.help != argparse.SUPPRESS
 
 
 def _names(names: Mapping[str, str]) -> list[str]:

@@ -66,7 +66,10 @@ def _first_line(folder: str) -> str:
 
 def _entry(package: ModuleType, name: str, kind: str) -> Iterator[str]:
     full = f"{package.__name__}.{name}"
-    if kind == "class":
+    home = ".".join(str(getattr(getattr(package, name), "__module__", "")).split(".")[:2])
+    if home != package.__name__ and home.removeprefix("needlefem.") in FOLDERS and kind != "data":
+        yield from (f".. py:{kind}:: {full}", "", f"   The same as ``{home}.{name}``.", "")
+    elif kind == "class":
         yield from (f".. autoclass:: {full}", "   :members:")
     elif kind == "function":
         yield f".. autofunction:: {full}"
