@@ -1,4 +1,4 @@
-"""All figures of the paper, and a page that shows each beside its numbers."""
+"""The figures of the paper of 2003 with results of needlefem, and the page that shows them."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -22,29 +22,29 @@ from needlefem.plotting.view import TissueView, ViewOptions
 from needlefem.scene import Scene
 from needlefem.studies.targets import TargetTable, draw_targets, target_table
 
-HEAD = """# The paper's figures
+HEAD = """# Figures of the paper
 
-Figures of Alterovitz et al., *Sensorless Planning for Medical Needle Insertion Procedures*,
-IROS 2003, drawn from our own answers by `make figures`, which writes this page. Fig. 2 of the
-paper is a sketch: `needlefem render CASE --setup` draws such a scene. Which
-numbers were calibrated is said in [the case](../cases/prostate-2003/README.md).
-"""
+This page repeats figures of Alterovitz et al., *Sensorless Planning for Medical Needle Insertion Procedures*,
+IROS 2003, with the results of needlefem. `make figures` writes this page. Fig. 2 of the
+paper is a sketch: `needlefem render CASE --setup` draws such a scene. The page of
+[the case](../cases/prostate-2003/README.md) lists the calibrated numbers.
+"""  # noqa: E501  (the line is a sentence of the page)
 
 HEIGHTS = (-3e-3, 3e-3)
-"""What Fig. 6 shows, m from the target's height."""
+"""Range of Fig. 6: insertion heights relative to the target, m."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A figure with what it says.
+    """A figure of the paper with its caption and numbers.
 
     Parameters
     ----------
     number : int
-        In the paper.
+        Number of the figure in the paper.
     file : str
     caption : str
-    rows : sequence of (quantity, paper's, ours)
+    rows : sequence of (quantity, value of the paper, value of needlefem)
     """
 
     number: int
@@ -53,9 +53,9 @@ class Figure:
     rows: Sequence[tuple[str, str, str]]
 
     def text(self, folder: str) -> str:
-        """Return the figure as Markdown; its file lies in `folder` from the page."""
+        """Return the figure as Markdown; `folder` is the path of its file from the page."""
         table = [
-            "| | paper | here |",
+            "| | paper | needlefem |",
             "|---|---|---|",
             *(f"| {' | '.join(r)} |" for r in self.rows),
         ]
@@ -69,12 +69,12 @@ def draw_figures(scene: Scene, page: Path, folder: Path) -> list[Figure]:
     Raises
     ------
     SimulationError
-        The scene's plan has no release, or what happens without it is not known.
+        The plan has no release, or the result of the unplanned insertion is unknown.
     """
     found = plan(scene)
     if found.best is None or found.unplanned is None or found.depth_only is None:
         why = "; ".join([found.sentence, *found.missing.values()])
-        raise SimulationError(f"without releases there are no figures: {why}")
+        raise SimulationError(f"the figures need a planned and an unplanned release: {why}")
     depth = _depth(found.unplanned, found)
     draw_stages(scene, found, folder / "figure-1.webp", ultrasound=True)
     angle = draw_turning(found.level, depth, folder / "figure-3.png")
@@ -113,12 +113,20 @@ def _placement(unplanned: Release, best: Release) -> Figure:
     return Figure(
         number=1,
         file="figure-1.webp",
-        caption="Before insertion, seed released, needle retracted, placement error; without "
-        "(left) and with a plan (right). The ultrasound is synthetic.",
+        caption="State before the insertion, seed released, needle retracted, placement error; "
+        "without (left) and with a plan (right). The ultrasound image is synthetic.",
         rows=(
-            ("unplanned seed rests at", "(1.41, 2.21) cm", _point(unplanned.placed_at, 3)),
-            ("unplanned placement error", "0.79 cm", _error(unplanned.placement_error)),
-            ("left by the search on the planning model", "0.003 cm", _error(best.placement_error)),
+            (
+                "unplanned: final position of the seed",
+                "(1.41, 2.21) cm",
+                _point(unplanned.placed_at, 3),
+            ),
+            ("unplanned: placement error", "0.79 cm", _error(unplanned.placement_error)),
+            (
+                "residual of the search on the planning model",
+                "0.003 cm",
+                _error(best.placement_error),
+            ),
         ),
     )
 
@@ -129,9 +137,9 @@ def _turn(angle: float) -> Figure:
     return Figure(
         number=3,
         file="figure-3.png",
-        caption="The needle pushes against the lower half of the prostate, which turns because it "
-        "is stiffer than the tissue around it.",
-        rows=(("turn of the prostate's outline", "clockwise, slightly", ours),),
+        caption="The needle loads the lower half of the prostate, which rotates because it is "
+        "stiffer than the tissue around it.",
+        rows=(("rotation of the prostate's contour", "clockwise, slightly", ours),),
     )
 
 
@@ -139,8 +147,8 @@ def _target(moved: float) -> Figure:
     return Figure(
         number=4,
         file="figure-4.png",
-        caption="The target in the reference (cross) and in the world (dot), before the insertion "
-        "and with the tip at the target's depth.",
+        caption="The target in the undeformed (cross) and in the deformed tissue (dot), before the "
+        "insertion and with the tip at the depth of the target.",
         rows=(("displacement of the target", "not given", f"{1000 * moved:.2f} mm"),),
     )
 
@@ -149,11 +157,11 @@ def _depths(unplanned: Release, depth_only: Release, found: Plan) -> Figure:
     return Figure(
         number=5,
         file="figure-5.png",
-        caption="Placement error against depth at the target's height.",
+        caption="Placement error against depth at the insertion height of the target.",
         rows=(
             ("error at the target's depth", "0.79 cm", _error(unplanned.placement_error)),
             ("best depth", "3.84 cm", f"{100 * _depth(depth_only, found):.3f} cm"),
-            ("error there", "0.14 cm", _error(depth_only.placement_error)),
+            ("placement error at the best depth", "0.14 cm", _error(depth_only.placement_error)),
         ),
     )
 
@@ -164,7 +172,7 @@ def _heights(best: Release, found: Plan) -> Figure:
     return Figure(
         number=6,
         file="figure-6.png",
-        caption="Best depth and its error against the insertion height.",
+        caption="Best depth and placement error against the insertion height.",
         rows=(
             ("best height", "1.59 cm", f"{100 * height:.3f} cm"),
             (
@@ -172,7 +180,7 @@ def _heights(best: Release, found: Plan) -> Figure:
                 "3.80 cm",
                 f"{100 * float(axis.axial_coordinate(best.release_point)):.3f} cm",
             ),
-            ("left there by the search", "0.003 cm", _error(best.placement_error)),
+            ("residual of the search", "0.003 cm", _error(best.placement_error)),
         ),
     )
 
@@ -182,26 +190,26 @@ def _targets(table: TargetTable) -> Figure:
     return Figure(
         number=7,
         file="figure-7.png",
-        caption=f"{len(table.plans)} targets drawn at random: where seeds come to rest without "
-        "(left) and with plans (right).",
+        caption=f"{len(table.plans)} random targets: final positions of the seeds without (left) "
+        "and with plans (right).",
         rows=(
             ("unplanned error, mean (SD)", "0.59 (0.10) cm", ours),
-            ("left by the searches, mean", "0.002 cm", _error(table.planned_mean)),
+            ("residual of the searches, mean", "0.002 cm", _error(table.planned_mean)),
         ),
     )
 
 
-# Fig. 4 and 7: a target that moves with the tissue; many targets without and with plans.
+# Fig. 4: displacement of a target. Fig. 7: many targets without and with plans.
 
 
 AROUND = 0.024
-"""Width of what Fig. 4 shows around the target, m."""
+"""Width of the window of Fig. 4 around the target, m."""
 
 
 def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: Path) -> float:
-    """Draw a target in the reference (cross) and in the world (dot), before and at a depth.
+    """Draw a target in undeformed (cross) and deformed tissue (dot), before and at a depth.
 
-    Returns how far apart they are there, m.
+    Returns the displacement of the target at this depth, m.
     """
     film, style = Timeline(insertion), Style()
     plotter = renderer().Plotter(
@@ -211,7 +219,10 @@ def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: 
     moments = film.undeformed(), film.moments([film.time_at(depth)])[0]
     moved = film.model.displacement_at(moments[1].u, target[None])[0]
     size = float(np.linalg.norm(moved))
-    texts = ("before: both coincide", f"depth {100 * depth:.2f} cm: {1000 * size:.2f} mm apart")
+    texts = (
+        "before the insertion",
+        f"depth {100 * depth:.2f} cm: displacement {1000 * size:.2f} mm",
+    )
     radius = insertion.scene.needle.tip_radius
     for number, (moment, text) in enumerate(zip(moments, texts, strict=True)):
         plotter.subplot(0, number)
@@ -227,18 +238,22 @@ def draw_moved_target(insertion: Insertion, target: Vector, depth: float, path: 
         centre = canvas.screen(target + 0.5 * moved)[0, :2]
         panel.look(Window(centre, AROUND, AROUND))
         panel.line(text)
-        panel.note("cross: in the reference, dot: in the world")
+        panel.note("cross: undeformed, dot: deformed")
     save(plotter, path)
     return size
 
 
 def draw_targets_hit(scene: Scene, table: TargetTable, path: Path) -> Path:
-    """Draw targets and where seeds come to rest, without (left) and with plans (right)."""
+    """Draw targets and final positions of seeds, without (left) and with plans (right)."""
     plans = table.plans
     columns = (
-        ("without planning: mean error", [plan.unplanned for plan in plans], table.unplanned_mean),
         (
-            "with planning: left by the searches, mean",
+            "unplanned: mean placement error",
+            [plan.unplanned for plan in plans],
+            table.unplanned_mean,
+        ),
+        (
+            "planned: mean residual of the searches",
             [plan.best for plan in plans],
             table.planned_mean,
         ),
@@ -276,7 +291,7 @@ def _length(value: float) -> str:
     return f"{100 * value:.2f} cm" if value >= 1e-4 else f"{100 * value:.1e} cm"
 
 
-# Fig. 3: the organ turns when the needle pushes against its lower half.
+# Fig. 3: rotation of the organ under the load of the needle on its lower half.
 
 
 SIZE = (1280, 900)
@@ -284,9 +299,9 @@ DASHES = 36
 
 
 def turned(before: Points, after: Points) -> float:
-    """Return the rotation that best moves points (n, 2) onto others, rad, counter-clockwise.
+    """Return the least-squares rotation from points (n, 2) to others, rad, counter-clockwise.
 
-    The least squares of G. Wahba (1965), in the plane.
+    The problem is that of G. Wahba (1965) in the plane.
     """
     a, b = before - before.mean(axis=0), after - after.mean(axis=0)
     cross = float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
@@ -294,7 +309,7 @@ def turned(before: Points, after: Points) -> float:
 
 
 def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
-    """Draw the first region before and during an insertion; return its turn as seen, rad."""
+    """Draw the first region before and during an insertion; return its rotation, rad."""
     film, style = Timeline(insertion), Style()
     plotter = renderer().Plotter(off_screen=True, window_size=list(SIZE), border=False)
     plotter.set_background(style.background)
@@ -305,7 +320,7 @@ def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
     panel = Panel(
         plotter, style, lines=1,
         legend=((style.support, "undeformed"), (style.outline, "deformed"),
-                (style.path, "turn")),
+                (style.path, "rotation")),
     )  # fmt: skip
     TissueView(canvas, film, ViewOptions(style=style)).show(moment)
     _dashed(canvas, before, style.support)
@@ -319,14 +334,14 @@ def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
     panel.look(Window.around(near, 0.45))
     way = "clockwise" if angle < 0.0 else "counter-clockwise"
     panel.line(
-        f"turned {abs(np.degrees(angle)):.1f}\u00b0 {way} at a depth of {100 * depth:.2f} cm"
+        f"rotation {abs(np.degrees(angle)):.1f}\u00b0 {way} at a depth of {100 * depth:.2f} cm"
     )
     save(plotter, path)
     return angle
 
 
 def _hand(canvas: Canvas, middle: Vector, outline: Points, angle: float) -> Points:
-    """Return the ends of an upright diameter that is turned by an angle on the screen."""
+    """Return the ends of a vertical diameter, rotated by an angle on the screen."""
     size = 0.5 * float(np.ptp(canvas.screen(outline)[:, 1]))
     arm: Floats = -canvas.axis.direction * -np.sin(angle) + canvas.axis.lateral_directions[
         0

@@ -1,4 +1,4 @@
-"""``needlefem plan --method paper``: the paper's own method beside ours."""
+"""``needlefem plan --method paper`` and ``needlefem figures``: the method of 2003."""
 
 import argparse
 from pathlib import Path
@@ -32,10 +32,10 @@ from needlefem.scene.version_1 import with_old_keys
 def plan_by_paper(options: argparse.Namespace) -> int:
     """Plan by both methods, print, write; return the exit status."""
     if options.search not in (None, "golden"):
-        problem = f"'{options.search}', but the paper's method is golden section"
-        raise CaseError("--search", problem, "leave it out")
+        problem = f"'{options.search}', but the method of the paper is golden section"
+        raise CaseError("--search", problem, "omit it")
     if options.all_solutions:
-        raise CaseError("--all-solutions", "is for our own method", "leave it out")
+        raise CaseError("--all-solutions", "is an option of the method of needlefem", "omit it")
     scene = load_case(options.case, options.overrides)
     refuse_unused_keys(scene, "plan")
     with result_of(options, "plan") as result:
@@ -63,7 +63,9 @@ def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
     record |= plan_record(paper.plan) | {"seconds": paper.seconds, "steps": paper.steps}
     record |= {
         "expect": None,
-        "expect_skipped": "expectations belong to our own method" if scene.expect else None,
+        "expect_skipped": "the expected values belong to the method of needlefem"
+        if scene.expect
+        else None,
         "ours": plan_record(ours.plan) | {"seconds": ours.seconds},
         "drift": tables[1].record()["rows"],
     }
@@ -100,7 +102,7 @@ def _beside(paper: Timed, ours: Timed, axes: tuple[str, ...]) -> Table:
     names = [f"release {axis} (cm)" for axis in axes]
     last = ("error (cm)", "insertions", "time steps", "processor s")
     return Table(
-        title="the paper's method beside ours, on the same mesh",
+        title="method of the paper and of needlefem on the same mesh",
         columns=("method", "status", *names, *last),
         rows=rows,
     )
@@ -122,7 +124,7 @@ def _drift(drifts: list[tuple[Drifted, Drifted]], axes: tuple[str, ...]) -> Tabl
         for pair in drifts
     ]
     return Table(
-        title="where an unplanned seed ends, on finer meshes",
+        title="final position of an unplanned seed under mesh refinement",
         columns=("refined", *names, "the paper's", "ours"),
         rows=rows,
     )
@@ -133,7 +135,7 @@ def _where(one: Drifted, dim: int) -> list[str]:
     return [*([""] * dim if one.placed_at is None else _cm(one.placed_at)), cut]
 
 
-# ``needlefem figures``.
+# The command ``needlefem figures``.
 
 
 def main(options: argparse.Namespace) -> int:

@@ -1,7 +1,7 @@
-"""Drawing a scene with PyVista: tissue, needle, seeds, target, paths.
+"""Drawing of tissue, needle, seeds, target and paths with PyVista.
 
-The needle comes from the right, as in the paper: depth runs to the left, height upward. What is
-drawn can be moved afterwards; a picture after the first costs no new objects.
+The needle enters from the right, as in the paper of 2003: the depth increases to the left, the
+lateral offset upwards. Drawn objects can be moved, so that further pictures need no new objects.
 """
 
 from collections.abc import Sequence
@@ -15,26 +15,26 @@ from needlefem.plotting.images import Style, renderer
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 LAYER = 1e-3
-"""Distance of one layer from the next, m: higher ones cover lower ones."""
+"""Distance between layers, m; a higher layer covers the lower ones."""
 OBSTACLE_LAYER = 2.2
 FULL = 600.0
-"""Height of a panel, pixels, below which lines get thinner with it."""
+"""Height of a panel, pixels, below which line widths are reduced in proportion."""
 THINNEST = 1.25
-"""Width of a line, pixels, below which parts of it fall between the samples of a pixel."""
+"""Smallest line width, pixels; parts of a thinner line would fall between the samples."""
 
 
 class Canvas:
-    """Screen coordinates of one panel: right is against the needle, up is lateral.
+    """Screen coordinates of one panel: right is opposite to the needle, up is lateral.
 
-    Of tissue in space the half behind the needle's line is shown, and all else lies in the plane
-    that cuts it open.
+    In 3D, the half of the tissue behind the plane of the needle is shown; all other objects lie in
+    this plane.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        With this panel as its active subplot.
+        A plotter whose active subplot is this panel.
     axis : InsertionAxis
-        The needle's line.
+        The insertion axis.
     style : Style
     """
 
@@ -60,7 +60,7 @@ class Canvas:
         return at
 
     def behind(self, mesh: SkfemMesh) -> Bools:
-        """Say which cells are shown, shape (ncells,): of tissue in space those behind the line."""
+        """Return whether cells are shown, shape (ncells,); in 3D those behind the needle."""
         if mesh.dim() == 2:
             return np.ones(mesh.nelements, dtype=bool)
         middles = mesh.p[:, mesh.t].mean(axis=1).T
@@ -73,22 +73,22 @@ class Canvas:
         return self._pv.PolyData(self.screen(points), faces=faces)
 
     def edges(self) -> dict[str, Any]:
-        """Return how the edges of polygons are drawn."""
+        """Return the drawing options of the edges of polygons."""
         width = self._thin * self.style.mesh_width
         return {"show_edges": True, "edge_color": self.style.mesh, "line_width": width}
 
     def add(self, data: Any, **how: Any) -> Any:
-        """Draw a PyVista mesh flat, without light."""
+        """Draw a PyVista mesh without shading."""
         return self.plotter.add_mesh(
             data, lighting=False, show_scalar_bar=False, reset_camera=False, render=False, **how
         )
 
     def strands(self, points: Points, numbers: Ints, layer: float, width: float) -> "Strands":
-        """Return lines through some of many points, numbers of shape (n, k), to be drawn."""
+        """Return lines through points, numbers of shape (n, k), that can be drawn and moved."""
         return Strands(self, points, numbers, layer, self.width(width))
 
     def width(self, width: float) -> float:
-        """Return how wide a line is drawn in this panel, pixels."""
+        """Return the width of a line in this panel, pixels."""
         return max(float(self._thin * width), THINNEST)
 
     def polyline(
@@ -113,20 +113,20 @@ class Canvas:
         return data
 
     def obstacle(self, corners: Points) -> None:
-        """Fill and outline a polygon, convex or not, that is fixed in the world."""
+        """Fill and outline a polygon, convex or not, that is fixed in space."""
         at = self.plane(corners, OBSTACLE_LAYER)
         filled = self._pv.PolyData(at, faces=[len(at), *range(len(at))]).triangulate()
         self.add(filled, color=self.style.obstacle)
         self.polyline(corners, self.style.needle, 2.0, OBSTACLE_LAYER + 0.1, closed=True)
 
     def needle_corners(self, tip: Vector, radius: float, length: float) -> Floats:
-        """Return the needle's outline, tip first; `length` (m) of it is shown."""
+        """Return the outline of the needle, tip first, over a length (m) behind the tip."""
         back, side = -self.axis.direction, 0.5 * radius * self.axis.lateral_directions[0]
         neck, end = tip + 1.6 * radius * back, tip + length * back
         return np.array([tip, neck + side, end + side, end - side, neck - side])
 
     def needle(self, tip: Vector, radius: float, length: float) -> Any:
-        """Draw the needle with its tip at a point of the world, in a thin pale rim."""
+        """Draw the needle with a thin pale rim and its tip at a point in space."""
         rim = self.needle_corners(tip, 1.15 * radius, length)
         rim[0] = tip
         shapes = [self.polygon(rim, self.style.background, 3)]
@@ -158,7 +158,7 @@ class Canvas:
         return self.polygon(point + 0.5 * size * ring @ frame, colour, layer)
 
     def marker(self, shapes: Sequence[Any], home: Vector) -> "Marker":
-        """Return what was drawn at a point of the world as something to put elsewhere."""
+        """Return shapes that were drawn at `home` as an object that can be moved."""
         return Marker(self, shapes, home)
 
 
@@ -193,7 +193,7 @@ class Strands:
         return self._canvas.screen(points[self._used], self._layer)
 
     def draw(self, colour: str, *, closed: bool = False) -> "Strands":
-        """Draw them; `closed` fills the pixels that may stay open where lines meet."""
+        """Draw the lines; `closed` fills pixels that would remain open where lines meet."""
         self._canvas.add(self._data, color=colour, line_width=self._width)
         if closed:
             self._canvas.add(self._data, color=colour, style="points", point_size=self._width)

@@ -1,4 +1,4 @@
-"""A plotter's active panel as paper: rectangles, lines, dots and texts at its pixels."""
+"""Charts in a panel of a plotter: curves, dots and blocks over axes with units."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,18 +10,18 @@ from needlefem._arrays import Floats, Ints
 from needlefem.plotting.images import Style, renderer
 
 GLYPH = 0.6
-"""Width of a letter over the size of its text, about; texts that would not fit are shrunk."""
+"""Approximate width of a letter relative to the text size; long texts are drawn smaller."""
 CORNERS = 24
-"""Of a dot."""
+"""Corners of the polygon that represents a dot."""
 
 
 class Sheet:
-    """Drawing in pixels, from the lower left corner; what comes later lies on top.
+    """Drawing in pixel coordinates from the lower left corner; later objects cover earlier ones.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        With this panel as its active subplot.
+        A plotter whose active subplot is this panel.
     style : Style
     """
 
@@ -40,7 +40,7 @@ class Sheet:
         return found
 
     def width(self, text: str) -> float:
-        """Return about how wide a text is, pixels."""
+        """Return the approximate width of a text, pixels."""
         return GLYPH * self.text * len(text)
 
     def write(
@@ -53,7 +53,7 @@ class Sheet:
         justify: str = "left",
         upward: bool = False,
     ) -> None:
-        """Put (or replace) a text, no longer than `room` pixels."""
+        """Draw a text, or replace it; it is drawn smaller if it is longer than `room` pixels."""
         size = min(self.text, room / (GLYPH * max(len(text), 1)))
         actor = self._texts.get(name)
         if actor is None:
@@ -77,7 +77,7 @@ class Sheet:
         self._draw(ring, np.arange(len(ring)).reshape(-1, 4), colours)
 
     def dots(self, places: Floats, size: float, colour: str) -> None:
-        """Draw discs, `size` pixels wide, at places, shape (n, 2), in a thin pale rim."""
+        """Draw discs with a thin pale rim at places, shape (n, 2); `size`: diameter, pixels."""
         turn = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
         circle = 0.5 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
         for width, paint in ((size + 3.0, self.style.background), (size, colour)):
@@ -120,18 +120,18 @@ class Sheet:
         self.renderer.AddViewProp(actor)
 
 
-# Charts: lines, dots and blocks over two axes that say their units.
+# Charts: curves, dots and blocks over two axes with quantity and unit.
 
 
 MOST_TICKS = 8
-"""Intervals between ticks of an axis, at most."""
+"""Largest number of intervals between the ticks of an axis."""
 TICK = 0.35
-"""Length of a tick over the size of texts."""
+"""Length of a tick relative to the text size."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One axis of a chart: what it measures, in its unit, and from where to where.
+    """One axis of a chart: quantity, unit and range.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ class Axis:
 
     @classmethod
     def over(cls, label: str, values: Floats, room: float = 0.04) -> "Axis":
-        """Return the axis over all finite values, with some of their range on both sides."""
+        """Return an axis over all finite values with a margin of a share of their range."""
         finite = values[np.isfinite(values)]
         low, high = float(finite.min()), float(finite.max())
         more = room * (high - low) or 0.5 * abs(high) or 1.0
@@ -154,7 +154,7 @@ class Axis:
 
     @property
     def ticks(self) -> tuple[Floats, list[str]]:
-        """Round numbers on the axis, shape (n,), and how they are written."""
+        """Return round numbers on the axis, shape (n,), and their texts."""
         power = 10.0 ** np.floor(np.log10((self.high - self.low) / MOST_TICKS))
         steps = (float(n * power) for n in (1.0, 2.0, 5.0, 10.0))
         step = next(s for s in steps if (self.high - self.low) / s <= MOST_TICKS)
@@ -165,7 +165,7 @@ class Axis:
         return values, [f"{value + 0.0:.{digits}f}" for value in values]
 
     def share(self, values: Floats) -> Floats:
-        """Return where values lie between the axis' ends, 0 to 1."""
+        """Return the positions of values between the ends of the axis, 0 to 1."""
         found: Floats = (np.asarray(values, dtype=float) - self.low) / (self.high - self.low)
         return found
 
@@ -180,7 +180,7 @@ class Chart(Sheet):
     title : str
     x, y : Axis
     legend : sequence of (colour, text)
-        Stands above the chart, so that it covers nothing.
+        Entries above the chart.
     """
 
     def __init__(
@@ -209,7 +209,7 @@ class Chart(Sheet):
         return self._right - self._left
 
     def _legend(self, entries: Sequence[tuple[str, str]], top: float) -> float:
-        """Write the legend in rows below a height; return the height of its lower edge."""
+        """Draw the legend in rows below a height; return the height of its lower edge."""
         size, left = self.text, self._left
         for number, (colour, text) in enumerate(entries):
             wide = 1.2 * size + self.width(text)
@@ -224,12 +224,12 @@ class Chart(Sheet):
         return top - (1.4 * size if entries else 0.0)
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Return the pixels of values, shape (n, 2)."""
+        """Return the pixel coordinates of values, shape (n, 2)."""
         across = self._left + self._across * self.x.share(x)
         return np.column_stack([across, self._low + (self._top - self._low) * self.y.share(y)])
 
     def _grid(self) -> None:
-        """Draw axes, ticks with their numbers, a pale grid, and what the axes measure."""
+        """Draw axes, ticks with numbers, a pale grid, and the labels."""
         size, tick = self.text, TICK * self.text
         values, numbers = self.x.ticks
         across = self.at(values, np.full(len(values), self.y.low))[:, 0]
@@ -257,7 +257,7 @@ class Chart(Sheet):
         self.write("y label", self.y.label, upright, high, justify="center", upward=True)
 
     def curve(self, x: Floats, y: Floats, colour: str, width: float = 4.0) -> None:
-        """Draw a line through values, shape (n,); it is broken where one is not finite."""
+        """Draw a curve through values, shape (n,), with gaps at values that are not finite."""
         points = self.at(x, y)
         broken = np.flatnonzero(~np.all(np.isfinite(points), axis=1))
         for part in np.split(points, broken):
@@ -266,7 +266,7 @@ class Chart(Sheet):
                 self.stroke(whole, width, colour)
 
     def marks(self, x: Floats, y: Floats, colour: str, size: float = 14.0) -> None:
-        """Draw dots, `size` pixels wide, at values, shape (n,)."""
+        """Draw dots at values, shape (n,); `size` is their diameter, pixels."""
         self.dots(self.at(x, y), size, colour)
 
     def blocks(self, corners: Floats, colours: Floats) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of mode shapes."""
+"""Pictures of mode shapes, forces, stick and slip, scenes, and plans."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -27,20 +27,20 @@ from needlefem.scene import Scene
 ACROSS = 3
 """Panels in a row."""
 SWING = 0.06
-"""Largest displacement that is drawn, over the size of the tissue."""
+"""Largest displacement in a picture of a mode, relative to the size of the tissue."""
 
 
 def draw_modes(
     scene: Scene, model: TissueModel, frequencies: Floats, shapes: Sequence[Points], path: Path
 ) -> Path:
-    """Draw the tissue deformed by modes, a panel each, under their frequencies (Hz).
+    """Draw vibration modes, one per panel, with their frequencies (Hz).
 
-    `shapes` are nodal fields, shape (nnodes, dim); their size is that of the picture's choice.
+    `shapes` are nodal fields, shape (nnodes, dim). They are scaled to a visible amplitude.
 
     Raises
     ------
     NoRendererError
-        Nothing here can draw.
+        No renderer is available.
     """
     pv = renderer()
     style = Style()
@@ -64,21 +64,21 @@ def draw_modes(
             points = region.contour.points
             canvas.contour(points + model.displacement_at(field, points))
         panel = Panel(plotter, style)
-        # the same window for all, with room for the largest swing
+        # the same window for all modes, with room for the largest displacement
         panel.look(Window.around(canvas.screen(model.mesh.p.T), 0.02 + 1.5 * SWING))
         panel.line(f"mode {number + 1}: {hertz:.3g} Hz")
     return save(plotter, path)
 
 
-# Pictures of a motion: forces against depth, what sticks and slips against time.
+# Pictures of a motion: forces against depth, stick and slip against time.
 
 
 STICK_COLOURS = ("#0072B2", "#8C8C8C", "#D55E00")
-"""Slips backward, sticks, slips forward."""
+"""Colours of backward slip, stick, and forward slip."""
 
 
 def draw_forces(insertion: Insertion, path: Path) -> Path:
-    """Draw the needle's force, and the tip's part of it, against depth."""
+    """Draw the force on the needle, and the force on its tip, against depth."""
     style, states = Style(), insertion.states
     depths = 100.0 * insertion.depths
     unit = "N" if insertion.model.dim == 3 else "N/m"
@@ -97,7 +97,7 @@ def draw_forces(insertion: Insertion, path: Path) -> Path:
 
 
 def draw_sticking(insertion: Insertion, path: Path) -> Path:
-    """Draw where along the path the shaft sticks and slips, against time."""
+    """Draw which segments of the cut path stick or slip, against time."""
     style = Style()
     times, places, ways = _stick_map(insertion)
     places = 100.0 * places
@@ -105,7 +105,7 @@ def draw_sticking(insertion: Insertion, path: Path) -> Path:
     plotter.set_background(style.background)
     names = ("slips backward", "sticks", "slips forward")
     chart = Chart(
-        plotter, style, title="What of the shaft sticks and slips",
+        plotter, style, title="Stick and slip along the shaft",
         x=Axis(label="time (s)", low=0.0, high=1.02 * float(times[-1]) or 1.0),
         y=Axis(label="length of the cut path (cm)", low=0.0, high=1.04 * float(places[-1]) or 1.0),
         legend=tuple(zip(STICK_COLOURS, names, strict=True)),
@@ -119,7 +119,7 @@ def draw_sticking(insertion: Insertion, path: Path) -> Path:
 
 
 def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
-    """Return times, places along the path (m), and ways of slipping between them; 9: no needle."""
+    """Return times, positions along the path (m), and directions of slip; 9 is no contact."""
     states = [state for state in insertion.states if not state.jumping]
     stiffness = insertion.instrument.lateral_penalty
     lengths = [1.0 / (p.compliance * stiffness) for p in insertion.pieces[1:]]
@@ -136,11 +136,11 @@ def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
     return times[keep], places, ways
 
 
-# The scene before anything is computed: regions, supports, needle, entry, target, names.
+# A scene before the simulation: regions, supports, needle, entry, target, names.
 
 
 TEETH = 28
-"""Strokes of a support's hatching along the longer side of the tissue."""
+"""Number of hatching strokes along the longer side of the tissue."""
 
 
 def draw_setup(
@@ -150,16 +150,16 @@ def draw_setup(
     size: tuple[int, int] = (1280, 900),
     style: Style | None = None,
 ) -> Path:
-    """Draw a scene as it is built: mesh, regions, supports, needle line, entry, target, names.
+    """Draw a scene: mesh, regions, supports, insertion axis, entry, target, and their names.
 
-    Nothing is simulated.
+    No insertion is simulated.
 
     Raises
     ------
     CaseError
-        The scene can't be built.
+        The scene is not valid.
     NoRendererError
-        Nothing here can draw.
+        No renderer is available.
     """
     simulation, style = Simulation(scene), style or Style()
     entry = simulation.entry_of_case()
@@ -204,7 +204,7 @@ class _Setup:
         )
 
     def _supports(self) -> None:
-        """Hatch what is held, outside the tissue; what is held along one axis only is named."""
+        """Hatch supported faces on their outside."""
         spacing = self.span / TEETH
         middle = 0.5 * (self.low + self.high)
         for support in self.scene.supports.values():
@@ -213,7 +213,7 @@ class _Setup:
                 self._hatch(self.mesh.p.T[facets.T], spacing, middle)
 
     def _hatch(self, ends: Points, spacing: float, middle: Floats) -> None:
-        """Draw short oblique strokes along edges, ends of shape (n, 2, dim)."""
+        """Draw short oblique strokes along edges, whose ends have the shape (n, 2, dim)."""
         begins, strokes = [], []
         for one, other in ends:
             a, b = self.canvas.screen(np.array([one, other]))[:, :2]
@@ -249,7 +249,7 @@ class _Setup:
             canvas.target(np.array(scene.target), 2.0 * radius)
 
     def _legend(self) -> list[tuple[str, str]]:
-        """Return names and numbers with the colours that they have in the picture."""
+        """Return the legend: colours with names and numbers."""
         scene, style = self.scene, self.style
         found = [(style.tissue[0], f"{scene.default_material} (background)")]
         covered = {obstacle.region for obstacle in scene.obstacles.values()}
@@ -259,11 +259,11 @@ class _Setup:
             if name not in covered:
                 found.append((colour, text))
         for name, support in scene.supports.items():
-            held = f" ({', '.join(support.fixed)})" if support.fixed else ""
-            found.append((style.support, f"{name}: held{held}"))
+            axes = f" ({', '.join(support.fixed)})" if support.fixed else ""
+            found.append((style.support, f"{name}: fixed{axes}"))
         for name, obstacle in scene.obstacles.items():
             away = f"{100 * obstacle.clearance:.2f} cm"
-            found.append((style.obstacle, f"{name}: keep {away} away"))
+            found.append((style.obstacle, f"{name}: clearance {away}"))
         found.append((style.path, f"entry {_centimetres(self.axis.entry)}"))
         if scene.target is not None:
             found.append((style.target, f"target {_centimetres(scene.target)}"))
@@ -276,16 +276,16 @@ def _centimetres(point: Sequence[float] | Vector) -> str:
     return "(" + ", ".join(f"{100 * x:.2f}" for x in point) + ") cm"
 
 
-# The pictures of a plan: its stages, error against depth, depth and error against height.
+# Pictures of a plan: stages, error against depth, best depth and error against lateral offset.
 
 
 CURVE_POINTS = 200
 HEIGHTS = 9
-"""Insertions behind the height picture, the most of what a plan's pictures cost."""
+"""Insertions for the picture of the offset, the part of a plan's pictures with the highest cost."""
 
 
 def draw_plan(scene: Scene, plan: Plan, folder: Path) -> list[Path]:
-    """Draw the pictures that the scene asks for; return their files."""
+    """Draw the pictures that the scene requests; return their files."""
     planner = planner_of(scene, plan)
     painters: dict[str, Callable[[Path], Path]] = {
         "stages": lambda path: draw_stages(scene, plan, path),
@@ -297,20 +297,20 @@ def draw_plan(scene: Scene, plan: Plan, folder: Path) -> list[Path]:
 
 
 def planner_of(scene: Scene, plan: Plan) -> Planner:
-    """Return a planner for further insertions on a plan's own tissue, factorised as it is."""
+    """Return a planner for further insertions that reuses the plan's tissue and factorisation."""
     return Planner(Simulation(scene, model=plan.level.model), plan.target)
 
 
 def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
-    """Draw the error of a release at the target's height against its depth (Fig. 5).
+    """Draw the placement error against depth at the lateral offset of the target (Fig. 5).
 
-    The bold part lies inside the region of the target.
+    The curve is bold where the seed comes to rest inside of the target's region.
     """
     style, simulation = Style(), planner.simulation
     scene, insertion = simulation.scene, simulation.insert(planner.entry)
-    title = "Error of a release at the target's height"
+    title = "Placement error at the lateral offset of the target"
     if broke_off(insertion):
-        title += f"; not known beyond {100.0 * insertion.depths[-1]:.2f} cm"
+        title += f"; unknown beyond {100.0 * insertion.depths[-1]:.2f} cm"
     cut = CutPath(insertion)
     depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)
     reached = [cut.at_depth(float(depth)) for depth in depths]
@@ -321,7 +321,7 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     lines = [(style.seed, "a seed released at this depth")]
     inside = _inside_target_region(scene, plan.target, points)
     if inside.any():
-        lines[0] = (style.seed, lines[0][1] + "; bold: it rests in the target's region")
+        lines[0] = (style.seed, lines[0][1] + "; bold: at rest in the region of the target")
     if plan.depth_only is not None:
         at = 100.0 * float(insertion.axis.axial_coordinate(plan.depth_only.release_point))
         least = 100.0 * plan.depth_only.placement_error
@@ -351,10 +351,10 @@ def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Bools
 def draw_height(
     planner: Planner, plan: Plan, path: Path, heights: tuple[float, float] | None = None
 ) -> Path:
-    """Draw best depth and its error against the insertion height (Fig. 6).
+    """Draw best depth and placement error against the insertion height (Fig. 6).
 
-    `heights` (m, relative to the target's) are the ends of what is shown, the case's range when
-    left out. Between the insertions, which are dots, depth and signed miss are interpolated.
+    `heights` (m, relative to the target) are the limits of the picture; the case's range by
+    default. Depth and signed lateral error are interpolated between insertions, shown as dots.
     """
     style, dots = Style(), 100.0 * _height_table(planner, plan, heights)
     at = np.linspace(dots[0, 0], dots[-1, 0], CURVE_POINTS)
@@ -376,7 +376,7 @@ def draw_height(
         chart = Chart(
             plotter, style, x=Axis.over("insertion height (cm)", at),
             y=Axis.over(quantity, np.append(curve, values)),
-            legend=((style.seed, "dots: insertions; between them interpolated"),
+            legend=((style.seed, "dots: insertions; interpolated between them"),
                     (style.target, label)),
         )  # fmt: skip
         chart.curve(at, curve, style.seed)
@@ -386,7 +386,7 @@ def draw_height(
 
 
 def _height_table(planner: Planner, plan: Plan, within: tuple[float, float] | None) -> Floats:
-    """Return rows of insertion height, best depth, signed miss, m; the plan's among them."""
+    """Return rows of insertion height, best depth, signed lateral error, m, with the plan's."""
     low, high = within or planner.simulation.scene.planning.offset_range
     known = {0.0: plan.level, float(plan.solution.height[0]): plan.insertion}
     rows = []
@@ -399,9 +399,9 @@ def _height_table(planner: Planner, plan: Plan, within: tuple[float, float] | No
 
 
 def _closest(insertion: Insertion, target: Vector) -> tuple[float, float, float] | None:
-    """Return height, depth and signed miss of the release that comes nearest to a target, m.
+    """Return height, depth and signed lateral error of the release closest to a target, m.
 
-    None where the insertion broke off, or the skin is not cut.
+    The result is None if the insertion ended early or the skin is not cut.
     """
     reach, lateral = (
         InsertionReader(insertion, target).nearest().reach,

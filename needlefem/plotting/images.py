@@ -1,7 +1,7 @@
-"""PyVista, imported late and only where it can draw.
+"""The renderer, the style of all pictures, and their files.
 
-A missing or broken OpenGL driver can kill a process outright, so that it is tried in one of its
-own first.
+A missing or faulty OpenGL driver can terminate a process. Therefore the renderer is first tried in
+a separate process. PyVista is imported only when a picture is drawn.
 """
 
 import dataclasses
@@ -24,9 +24,9 @@ from needlefem.errors import CaseError, NoRendererError
 from needlefem.io.result_folder import whole_file
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri libxrender1"
-"""What Debian and its kin call the software renderer and the libraries that VTK opens."""
+"""Debian packages of the software renderer and of the libraries that VTK loads."""
 WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
-"""Kinds of VTK windows that need no display: the driver's, and Mesa's in memory."""
+"""VTK window classes that need no display: that of the driver, and Mesa's in memory."""
 _TRIAL = (
     "import pyvista as pv; p = pv.Plotter(off_screen=True, window_size=(32, 32));"
     "p.add_mesh(pv.Plane(), color='red'); assert p.screenshot(return_img=True).std() > 1"
@@ -35,29 +35,29 @@ _TRIAL = (
 
 @cache
 def renderer() -> Any:
-    """Return the pyvista module, ready to draw without a display.
+    """Return the pyvista module after a test that it can draw without a display.
 
     Raises
     ------
     NoRendererError
-        pyvista is not installed, or nothing here can draw; the message names the packages.
+        pyvista is not installed, or no OpenGL driver works; the message names the packages.
     """
     if find_spec("pyvista") is None:
         raise NoRendererError("pictures need pyvista: pip install 'needlefem[render]'")
     working = next((window for window in WINDOWS if _draws(window)), None)
     if working is None:
         raise NoRendererError(
-            "no picture can be drawn here: VTK finds no OpenGL driver; "
+            "no picture can be drawn: VTK finds no OpenGL driver; "
             f"install one (Debian: apt-get install {PACKAGES})"
         )
     os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = working
-    import pyvista  # noqa: PLC0415  (takes a second: only pictures pay for it)
+    import pyvista  # noqa: PLC0415  (the import takes a second and only pictures need it)
 
     return pyvista
 
 
 def _draws(window: str) -> bool:
-    """Say whether a small picture can be drawn with a kind of window, in a process of its own."""
+    """Return whether a window class can draw a small picture, tested in a separate process."""
     environment = os.environ | {"VTK_DEFAULT_OPENGL_WINDOW": window}
     command = [sys.executable, "-c", _TRIAL]
     try:
@@ -69,15 +69,15 @@ def _draws(window: str) -> bool:
     return trial.returncode == 0
 
 
-# How everything in pictures looks.
+# The style of all pictures.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Style:
-    """How everything looks; colours are safe for the colour-blind (Okabe and Ito).
+    """Colours and sizes in all pictures; suitable for colour-blind readers (Okabe and Ito).
 
-    Widths are in pixels, `text_size` over the smaller side of a panel. The colour map is one of
-    matplotlib's perceptually uniform ones.
+    Widths are in pixels, `text_size` is relative to the smaller side of a panel. The colour map
+    is a perceptually uniform one of matplotlib.
     """
 
     background: str = "white"
@@ -103,7 +103,7 @@ class Style:
     smallest_text: int = 9
 
 
-# Pictures and animations as files.
+# Files of pictures and animations.
 
 
 Image = NDArray[np.uint8]
@@ -111,13 +111,13 @@ Image = NDArray[np.uint8]
 STILLS = (".png", ".webp", ".jpg")
 MOVING = (".gif", ".webp", ".mp4")
 UNSEEN = 5
-"""Change of a pixel (of 255) that nobody sees: a PNG may lose it."""
+"""Change of a pixel's value (of 255) that is invisible and may be lost in a PNG file."""
 QUALITY = 82
-"""Of WebP and JPEG."""
+"""Quality of WebP and JPEG files."""
 
 
 def save(plotter: Any, path: Path) -> Path:
-    """Draw what a plotter holds into a file of one of the kinds `STILLS`, and close it."""
+    """Save a plotter's picture in a file of one of the kinds `STILLS`, and close the plotter."""
     doing(f"drawing {path.name!a}")
     image = plotter.screenshot(return_img=True)
     plotter.close()
@@ -125,18 +125,18 @@ def save(plotter: Any, path: Path) -> Path:
 
 
 def save_still(image: Image, path: Path) -> Path:
-    """Write an image; the file's name says how. PNG gets a palette where no colour is lost.
+    """Write an image in the format of the file's name. PNG uses a palette if no colour is lost.
 
     Raises
     ------
     CaseError
-        No kind of picture has such a name.
+        The suffix is not that of a picture format.
     """
     from PIL import Image as Pillow  # noqa: PLC0415  (comes with the pictures)
 
     require_kind(path, STILLS)
     shown = Pillow.fromarray(image)
-    if path.suffix == ".png":  # a palette halves the file
+    if path.suffix == ".png":  # a palette halves the size of the file
         cover = Pillow.Quantize.MAXCOVERAGE
         few = shown.quantize(256, method=cover, dither=Pillow.Dither.NONE)
         lost = np.abs(np.asarray(few.convert("RGB"), dtype=int) - image).max()
@@ -147,27 +147,27 @@ def save_still(image: Image, path: Path) -> Path:
 
 
 def _counted(frames: Iterable[Image], what: str) -> Iterator[Image]:
-    """Yield frames, and tell how many there are so far."""
+    """Yield frames and report the number of frames so far."""
     for number, frame in enumerate(frames, 1):
         doing(f"{what}, frame {number}")
         yield frame
 
 
 def save_moving(frames: Iterable[Image], path: Path, rate: float) -> Path:
-    """Write frames as they come; memory does not grow with their number but for GIF and WebP.
+    """Write frames one at a time; only GIF and WebP files need all frames in memory.
 
     Parameters
     ----------
     frames : iterable of images
     path : Path
-        Ends in .gif, .webp or .mp4.
+        With the suffix .gif, .webp or .mp4.
     rate : float, 1/s
-        Frames a second.
+        Frames per second.
 
     Raises
     ------
     CaseError
-        No kind of animation has such a name.
+        The suffix is not that of an animation format.
     NoRendererError
         MP4 without the extra `video`.
     """
@@ -179,7 +179,7 @@ def save_moving(frames: Iterable[Image], path: Path, rate: float) -> Path:
 
 
 def require_kind(path: Path, kinds: tuple[str, ...]) -> None:
-    """Raise a `CaseError` where a file's name ends in none of some kinds."""
+    """Raise a `CaseError` if the suffix of a file is none of the given ones."""
     if path.suffix not in kinds:
         options = ", ".join(kinds)
         raise CaseError("--out", f"'{path.name}' is no picture of this kind", f"use {options}")

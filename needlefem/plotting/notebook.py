@@ -1,4 +1,4 @@
-"""What notebooks show of scenes, insertions, plans and results read again."""
+"""HTML tables and pictures of scenes, insertions, plans and saved results in notebooks."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -17,13 +17,13 @@ from needlefem.planning.result import Plan, headline
 from needlefem.scene import Scene
 
 SIZE = (800, 600)
-"""Pixels of a picture in a notebook."""
+"""Size of a picture in a notebook, pixels."""
 
 
 @singledispatch
 def html_of(result: Any) -> str:
-    """Return a result as an HTML table of what one asks first."""
-    raise TypeError(f"{type(result).__name__} is not shown")
+    """Return a table of the most important numbers of a result as HTML."""
+    raise TypeError(f"{type(result).__name__} has no table")
 
 
 @html_of.register
@@ -48,10 +48,10 @@ def _(result: Plan) -> str:
         "target": _place(result.target, axes),
         "release at": "" if best is None else _place(best.release_point, axes),
         "release depth": _centimetres(_release_depth(result)),
-        "comes to rest": "" if best is None else _place(best.placed_at, axes),
+        "final position": "" if best is None else _place(best.placed_at, axes),
         "placement error": "" if best is None else headline(result).error,
         "insertions": f"{result.insertions} ({result.search})",
-        "left by the search": "" if best is None else f"{100 * best.placement_error:.2g} cm",
+        "residual of the search": "" if best is None else f"{100 * best.placement_error:.2g} cm",
         "warnings": "" if result.evidence is None else "; ".join(result.evidence.warnings),
     }
     if scene.frame is not None and best is not None:
@@ -108,13 +108,13 @@ def _table(title: str, rows: Mapping[str, str]) -> str:
 
 
 def png_of(result: Any) -> bytes | None:
-    """Return a picture as PNG: a scene before anything is computed, an insertion, a plan.
+    """Return a picture as PNG: a scene before the simulation, an insertion, or a plan.
 
-    The needle is at its end, a plan's at its release. None where nothing can draw or there is
-    nothing to draw: a notebook then shows the table.
+    The needle is shown at its last depth, in a plan at the release. The result is None if no
+    renderer is available or there is no insertion to show: a notebook then shows the table.
     """
     from needlefem.plotting.figures import draw_setup  # noqa: PLC0415
-    from needlefem.plotting.render import RenderOptions, render  # noqa: PLC0415  (pictures are drawn on demand)
+    from needlefem.plotting.render import RenderOptions, render  # noqa: PLC0415
 
     if isinstance(result, Scene):
         return _drawn(lambda path: draw_setup(result, path, size=SIZE))

@@ -1,7 +1,8 @@
-"""An image mapped on the tissue, which deforms with it: an ultrasound slice, or one made up.
+"""One panel of a picture: image on the tissue, camera, titles, scale bar, colour bar, legend.
 
-The image covers the box around the undeformed tissue as pictures show it: its right side is
-where the needle comes from, up is lateral.
+An image (an ultrasound slice, or a synthetic one) is mapped on the tissue and deforms with it. It
+covers the bounding box of the undeformed tissue on the screen: the needle enters at its right side,
+up is lateral.
 """
 
 import dataclasses
@@ -23,17 +24,17 @@ from needlefem.plotting.images import Style, renderer
 from needlefem.scene import Scene
 
 PIXEL = 0.15e-3
-"""Of a synthetic image, m."""
+"""Size of a pixel of a synthetic image, m."""
 SPECKLE = (0.22e-3, 0.4e-3)
 """Size of a speckle along the beam and across it (standard deviations), m."""
 RANGE = 45.0
-"""Range of echoes that is shown, dB."""
+"""Dynamic range of the echoes, dB."""
 CHUNK = 20_000
-"""Pixels whose distance to a contour is found at once."""
+"""Number of pixels whose distances to a contour are computed together."""
 RIM = 0.5e-3
 """Thickness of the bright rim of a region, m."""
 ECHO = (0.0, -8.0, -4.0, -11.0)
-"""Mean echo of the background and of the regions, in the order of their names, dB."""
+"""Mean echo of the background and of the regions in the order of their names, dB."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,16 +44,16 @@ class Texture:
     Parameters
     ----------
     grey : array, shape (rows, columns)
-        0 to 255, first row on top.
+        0 to 255, with the first row at the top.
     note : str
-        Written into the picture: what is not measured must say so.
+        Note in the picture, which must state that an image is not measured.
     """
 
     grey: Ints
     note: str = ""
 
     def image(self) -> Any:
-        """Return it as a PyVista texture."""
+        """Return the image as a PyVista texture."""
         rgb = np.repeat(self.grey.astype(np.uint8)[:, :, None], 3, axis=2)
         found = renderer().Texture(rgb)
         found.interpolate = True
@@ -60,19 +61,19 @@ class Texture:
 
     @staticmethod
     def coordinates(canvas: Canvas, points: Points) -> Floats:
-        """Return where the tissue's points lie in the image, shape (n, 2), 0 to 1."""
+        """Return the positions of tissue points in the image, shape (n, 2), 0 to 1."""
         at = canvas.screen(points)[:, :2]
         found: Floats = (at - at.min(axis=0)) / np.ptp(at, axis=0)
         return found
 
 
 def read_texture(path: str | Path) -> Texture:
-    """Read an image of the undeformed tissue from a file that Pillow knows.
+    """Read an image of the undeformed tissue from a file in a format of Pillow.
 
     Raises
     ------
     CaseError
-        It can't be read.
+        The file can't be read.
     """
     require_file(path, "texture", remedy="give a PNG, JPEG or TIFF file")
     from PIL import Image, UnidentifiedImageError  # noqa: PLC0415  (comes with the pictures)
@@ -88,10 +89,10 @@ def read_texture(path: str | Path) -> Texture:
 def synthetic_ultrasound(
     scene: Scene, model: TissueModel, axis: InsertionAxis, seed: int = 2003
 ) -> Texture:
-    """Return made-up ultrasound of plane tissue: speckle, darker regions with bright rims.
+    """Return a synthetic ultrasound image of plane tissue: speckle, dark regions, bright rims.
 
-    Speckle is the size of a sum of many random echoes under the beam's point spread (complex
-    Gaussian noise, smoothed; J. W. Goodman 1976), shown in dB.
+    Speckle is the magnitude of a sum of many random echoes under the point spread function of the
+    beam (complex Gaussian noise, smoothed; J. W. Goodman 1976), shown in dB.
     """
     corners = np.stack([-axis.direction, axis.lateral_directions[0]], axis=1)
     at = model.mesh.p.T @ corners
@@ -111,7 +112,7 @@ def synthetic_ultrasound(
 
 
 def _mean_echo(scene: Scene, points: Floats) -> Floats:
-    """Return the mean echo at points of the world, dB."""
+    """Return the mean echo at points in space, dB."""
     found = np.full(len(points), ECHO[0])
     for number, region in enumerate(scene.regions.values(), start=1):
         found[region.contour.contains(points)] = ECHO[1 + (number - 1) % (len(ECHO) - 1)]
@@ -122,20 +123,18 @@ def _mean_echo(scene: Scene, points: Floats) -> Floats:
     return found
 
 
-# The frame of one panel: what its camera sees, and titles, scale and colours around it.
-#
-# The scene gets a rectangle of its own; texts and bars stand in the margins, so that nothing
-# overlaps.
+# The layout of one panel. The scene has a rectangle of its own; texts and bars are in the margins,
+# so that they do not cover the scene.
 
 
 LONGEST_BAR = 0.25
-"""Of the scene's width, that the scale bar may have."""
+"""Largest length of the scale bar relative to the width of the scene."""
 SHADES = 64
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Window:
-    """A part of the plane: centre (2,), m, width and height, m, in screen coordinates."""
+    """A part of the plane: centre (2,), width and height in screen coordinates, m."""
 
     centre: Floats
     width: float
@@ -143,7 +142,7 @@ class Window:
 
     @classmethod
     def around(cls, points: Floats, room: float = 0.04) -> "Window":
-        """Return the window around screen points, shape (n, >= 2), with room on all sides."""
+        """Return the window around screen points, shape (n, >= 2), with a margin on all sides."""
         low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
         size = (1.0 + 2.0 * room) * (high - low)
         return cls(0.5 * (low + high), float(size[0]), float(size[1]))
@@ -151,7 +150,7 @@ class Window:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scale:
-    """What colours mean.
+    """The scale of a colour bar.
 
     Parameters
     ----------
@@ -159,7 +158,7 @@ class Scale:
         Quantity and unit.
     low, high : float
     over : bool
-        Whether some values lie above `high`.
+        Whether some values are larger than `high`.
     """
 
     label: str
@@ -176,11 +175,11 @@ class Panel(Sheet):
     plotter : pyvista.Plotter
     style : Style
     lines : int
-        Lines of text above the scene.
+        Number of text lines above the scene.
     scale : Scale, optional
-        A colour bar on the right, if given.
+        Scale of a colour bar at the right.
     legend : sequence of (colour, text)
-        A legend on the right, if given.
+        Legend at the right.
     """
 
     def __init__(
@@ -202,7 +201,7 @@ class Panel(Sheet):
         self._legend(legend)
 
     def _right_margin(self, scale: Scale | None, legend: Sequence[tuple[str, str]]) -> float:
-        """Return the width that colour bar or legend need, pixels."""
+        """Return the width of the colour bar or the legend, pixels."""
         longest = max((self.width(text) for _, text in legend), default=0.0)
         wide = longest + 2.4 * self.text if legend else 0.0
         if scale is not None:
@@ -210,7 +209,7 @@ class Panel(Sheet):
         return min(wide, 0.5 * self.wide)
 
     def _margins(self) -> None:
-        """Cover what of the scene would show in the margins."""
+        """Cover the parts of the scene that would be visible in the margins."""
         wide, high = self.wide, self.high
         gap = 0.3 * self.text
         strips = [
@@ -233,7 +232,7 @@ class Panel(Sheet):
         return 2.6 * self.text
 
     def look(self, window: Window) -> None:
-        """Show a part of the plane in the middle of what the margins leave."""
+        """Show a window of the plane between the margins."""
         free_wide = self.wide - self._right - self.text
         free_high = self.high - self._top - self._bottom
         size = max(window.width / free_wide, window.height / free_high)
@@ -248,7 +247,7 @@ class Panel(Sheet):
         self._scale_bar(LONGEST_BAR * free_wide * size)
 
     def line(self, text: str, number: int = 0) -> None:
-        """Write (or replace) a line above the scene, shrunk until it fits."""
+        """Write or replace a line above the scene; its text is drawn smaller until it fits."""
         at = (0.7 * self.text, self.high - (0.4 + 1.45 * (number + 0.8)) * self.text)
         self.write(f"line {number}", text, at, room=self.wide - 1.4 * self.text)
 
@@ -273,7 +272,7 @@ class Panel(Sheet):
         )  # fmt: skip
 
     def _legend(self, entries: Sequence[tuple[str, str]]) -> None:
-        """List colours with what they mean, from the top of the right margin down."""
+        """Draw the legend from the top of the right margin downwards."""
         left, top = self.wide - self._right + 0.5 * self.text, self.high - self._top
         for number, (colour, text) in enumerate(entries):
             low = top - 1.6 * (number + 1) * self.text
@@ -283,7 +282,7 @@ class Panel(Sheet):
             self.write(f"legend {number}", text, at, room=self._right - 1.9 * self.text)
 
     def _colour_bar(self, scale: Scale) -> None:
-        """Draw what colours mean in the right margin: label, bar, five numbers."""
+        """Draw the colour bar in the right margin: label, bar, five numbers."""
         left = self.wide - self._right + 0.8 * self.text
         low, top = self._bottom + 0.5 * self.text, self.high - self._top - 2.6 * self.text
         table = renderer().LookupTable(cmap=self.style.colour_map, n_values=SHADES)
@@ -300,6 +299,6 @@ class Panel(Sheet):
 
 
 def round_length(longest: float) -> float:
-    """Return the longest of 1, 2, 5 times a power of ten that is not above a length, m."""
+    """Return the largest of 1, 2, 5 times a power of ten that is not larger than a length, m."""
     power = 10.0 ** np.floor(np.log10(longest))
     return float(max(n * power for n in (1.0, 2.0, 5.0) if n * power <= longest * (1.0 + 1e-9)))

@@ -1,4 +1,4 @@
-"""Fields that pictures can show: names, units, values."""
+"""Fields that pictures can show: names, units, values and colour scales."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -12,28 +12,28 @@ from needlefem.insertion.postprocess import LARGE_STRAIN
 from needlefem.plotting.panel import Scale
 
 TOP = 99.5
-"""Percentile of all values that the colour map ends at: one cell at the tip must not eat it."""
+"""Percentile of the values at the end of the colour scale; few cells at the tip exceed it."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FieldQuantity:
-    """A field to show.
+    """A field that a picture can show.
 
     Parameters
     ----------
     label : str
-        With its unit.
+        Name of the quantity with its unit.
     factor : float
-        From SI to that unit.
+        Factor from SI to this unit.
     values : callable
-        Takes the reader of a model's cells and a displacement, shape (ndofs,), m; returns one
-        value a vertex or a cell, NaN where a cell is turned over.
+        Takes the cell fields of a model and a displacement, shape (ndofs,), m; returns one value
+        per vertex or cell, NaN in inverted cells.
     nodal : bool
-        Whether the values are those of vertices.
+        Whether the values belong to vertices.
     signed : bool
         Whether the scale is symmetric about zero.
     note : str
-        Written into the picture.
+        Note in the picture.
     """
 
     label: str
@@ -44,7 +44,7 @@ class FieldQuantity:
     note: str = ""
 
     def of(self, cells: CellFields, u: Floats) -> Floats:
-        """Return the values in the label's unit."""
+        """Return the values of a displacement in the unit of the label."""
         found: Floats = self.factor * self.values(cells, u)
         return found
 
@@ -56,7 +56,7 @@ def _displacement(cells: CellFields, u: Floats) -> Floats:
 
 
 def _validity(cells: CellFields, u: Floats) -> Floats:
-    """Return the strain relative to what small strain describes; NaN in cells turned over."""
+    """Return the strain relative to the limit of small strain; NaN in inverted cells."""
     share: Floats = cells.largest_strain(u) / LARGE_STRAIN
     return np.where(cells.volume_ratio(u) > 0.0, share, np.nan)
 
@@ -76,7 +76,7 @@ QUANTITIES = {
     ),
     "validity": FieldQuantity(
         label=f"strain / {LARGE_STRAIN:g} (1)", factor=1.0, values=_validity,
-        note="small strain holds up to 1; orange: folded cells",
+        note="small strain is valid up to 1; orange: inverted cells",
     ),
 }  # fmt: skip
 """The fields that a picture can show, by the names of ``--field``."""
@@ -88,7 +88,7 @@ def quantity(name: str) -> FieldQuantity:
     Raises
     ------
     CaseError
-        There is none of that name.
+        The field does not exist.
     """
     if name not in QUANTITIES:
         raise CaseError("field", f"no field '{name}'", nearest(name, QUANTITIES))
@@ -96,7 +96,7 @@ def quantity(name: str) -> FieldQuantity:
 
 
 def scale_of(shown: FieldQuantity, values: Sequence[Floats]) -> Scale:
-    """Return the scale that pictures of some values share."""
+    """Return a common colour scale for several pictures."""
     finite = np.concatenate([found[np.isfinite(found)] for found in values])
     size = np.abs(finite) if finite.size else np.zeros(1)
     top = float(np.percentile(size, TOP)) or float(size.max()) or 1.0

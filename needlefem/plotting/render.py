@@ -1,4 +1,4 @@
-"""The tissue of an insertion as VTU files in order of time, for ParaView and PyVista."""
+"""Pictures and animations of insertions, and VTU files for ParaView and PyVista."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -20,22 +20,22 @@ from needlefem.plotting.view import View, ViewOptions
 from needlefem.scene.limits import check_count
 
 DIGITS = 4
-"""Of the numbers in file names."""
+"""Digits of the numbers in file names."""
 
 
 def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Path:
-    """Write moments evenly spaced in time; return the PVD file that lists them.
+    """Write VTU files at equal intervals of time; return the PVD file that lists them.
 
-    ``insertion.pvd`` names the files ``insertion/0000.vtu`` and so on relative to itself. Each
-    holds ``displacement`` (m) of the nodes, and of the cells ``largest_strain`` (1), the
-    principal strain that is largest without its sign, and ``material``, its number.
+    ``insertion.pvd`` lists the files ``insertion/0000.vtu`` etc. with relative paths. Each file
+    contains ``displacement`` (m) of the nodes, and for the cells ``largest_strain`` (1), the
+    principal strain with the largest absolute value, and ``material``, the number of the material.
 
     Parameters
     ----------
     insertion : Insertion
     folder : str or Path
     count : int
-        At least two.
+        Number of files, at least two.
     """
     film, model, folder = Timeline(insertion), insertion.model, Path(folder)
     values = CellFields(model)
@@ -58,7 +58,7 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
 
 
 def _remove_older(folder: Path) -> None:
-    """Remove the snapshots that a file of an earlier call lists."""
+    """Remove the VTU files that the PVD file of an earlier call lists."""
     path = folder / "insertion.pvd"
     if path.is_file():
         with writing(folder):
@@ -68,25 +68,25 @@ def _remove_older(folder: Path) -> None:
                     (folder / file).unlink()
 
 
-# Pictures of insertions: stills, panels and animations, one beside another.
+# Pictures of insertions: stills, panels and animations.
 
 
 SYNTHETIC = "synthetic"
-"""Name of the texture that is made up."""
+"""Name of the synthetic texture."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RenderOptions:
-    """What a picture shows, and how large.
+    """Content and size of a picture.
 
     Parameters
     ----------
     field : str
-        Colours by this quantity; by region when empty.
+        Quantity that is shown by colours; regions are shown if it is empty.
     texture : str
-        An image file of the undeformed tissue, or ``synthetic``; none when empty.
+        An image file of the undeformed tissue, or ``synthetic``; no image if it is empty.
     size : (int, int)
-        Pixels.
+        Width and height, pixels.
     style : Style
     """
 
@@ -105,26 +105,27 @@ def render(
     beside: Insertion | None = None,
     shot: RenderOptions | None = None,
 ) -> Path:
-    """Draw tissue, needle, path, seeds and target at one time into a picture.
+    """Draw tissue, needle, path, seeds and target at one time into a file.
 
     Parameters
     ----------
     insertion : Insertion
     path : str or Path
-        Ends in .png, .webp or .jpg.
+        With the suffix .png, .webp or .jpg.
     depth : float, m, optional
-        When the tip first is there. The last state when neither this nor `time` is given.
+        The first time at which the tip is at this depth is shown. The last state is shown if
+        neither `depth` nor `time` is given.
     time : float, s, optional
     beside : Insertion, optional
-        Drawn on the right, at the same time or depth, in the same colours.
+        A second insertion on the right, at the same time or depth and with the same colour scale.
     shot : RenderOptions, optional
 
     Raises
     ------
     NoRendererError
-        Nothing here can draw; the message names what to install.
+        No renderer is available; the message states what to install.
     CaseError
-        A field that the element has not, a texture that can't be read, an unknown kind of file.
+        The element has no such field, the texture can't be read, or the suffix is unknown.
     """
     films = _films(insertion, beside)
     times = [_time(film, depth, time) for film in films]
@@ -152,10 +153,10 @@ def animate(
     beside: Insertion | None = None,
     shot: RenderOptions | None = None,
 ) -> Path:
-    """Draw the whole motion into an animation (.gif, .webp, or .mp4 with the extra `video`).
+    """Draw an animation of the whole motion (.gif, .webp, or .mp4 with the extra `video`).
 
-    Frames are evenly spaced in time; the shorter of two motions waits at its end. See `render`
-    for the other parameters and the errors.
+    The frames have equal intervals of time; the shorter of two motions remains in its last state.
+    See `render` for the other parameters and the errors.
     """
     films = _films(insertion, beside)
     check_count(frames, "frames", insertion.scene.limits)
@@ -165,14 +166,14 @@ def animate(
 
 
 def frame_times(films: Sequence[Timeline], frames: int) -> Floats:
-    """Return the times of frames, s, evenly spaced from start to the end of the longest."""
+    """Return the times of frames, s, at equal intervals until the end of the longest motion."""
     return np.linspace(0.0, max(float(film.times[-1]) for film in films), max(frames, 2))
 
 
 def panels(
     insertion: Insertion, path: str | Path, *, count: int = 6, shot: RenderOptions | None = None
 ) -> Path:
-    """Draw moments evenly spaced in time beside one another; see `render`."""
+    """Draw states at equal intervals of time in one picture, side by side; see `render`."""
     shot, film = shot or RenderOptions(), Timeline(insertion)
     check_count(count, "panels", insertion.scene.limits)
     times = frame_times([film], count)
@@ -188,14 +189,14 @@ def panels(
 
 
 class Renderer:
-    """One plotter for all pictures of some insertions, side by side.
+    """A plotter that draws all pictures of some insertions, side by side.
 
     Parameters
     ----------
     films : sequence of Timeline
     shot : RenderOptions
     scale_times : sequence of sequences, s
-        Times of each film whose values the colours must cover.
+        Times of each insertion whose values the colour scale must cover.
     """
 
     def __init__(
@@ -220,15 +221,15 @@ class Renderer:
         self.plotter.close()
 
     def picture(self, moments: Sequence[Frame]) -> Image:
-        """Return a picture of one moment of every film."""
+        """Return a picture of one frame of each insertion."""
         for view, moment in zip(self.views, moments, strict=True):
             view.show(moment)
-        self.plotter.render()  # a screenshot alone repeats the last picture
+        self.plotter.render()  # a screenshot without this call repeats the last picture
         image: Image = self.plotter.screenshot(return_img=True)
         return image
 
     def pictures(self, times: Sequence[float] | Floats) -> Iterator[Image]:
-        """Yield a picture for every time."""
+        """Yield a picture for each time."""
         for moments in zip(*(film.moments(times) for film in self.films), strict=True):
             yield self.picture(moments)
 
@@ -236,7 +237,7 @@ class Renderer:
 def looks(
     films: Sequence[Timeline], shot: RenderOptions, times: Sequence[Sequence[float] | Floats]
 ) -> list[ViewOptions]:
-    """Return how each of some films is shown, all with the same scale."""
+    """Return the view options of each insertion, all with the same scale."""
     if shot.texture:
         return [
             ViewOptions(texture=_texture(film, shot.texture), style=shot.style) for film in films

@@ -1,4 +1,4 @@
-"""The stages of a plan: before, released at the tip, retracted, placement error."""
+"""Picture of the stages of a plan: initial state, release, retracted needle, placement error."""
 
 import dataclasses
 from pathlib import Path
@@ -20,7 +20,7 @@ SIZE = (1600, 2360)
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class _Column:
-    """One column of the stages: an insertion, its release, how it is shown."""
+    """One column of the picture: an insertion, its release, and the view options."""
 
     title: str
     film: Timeline
@@ -39,15 +39,14 @@ class _Column:
 
 
 def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = False) -> Path:
-    """Draw insertion, release and placement, without (left) and with the plan (right).
+    """Draw insertion, release and placement, unplanned (left) and planned (right).
 
-    Where it is not known what happens without the plan, the right column stands alone.
-
-    Rows: before, released at the tip, retracted, placement error; after the paper's Fig. 1, with
-    `ultrasound` on an image that deforms with the tissue.
+    If the result without a plan is unknown, only the right column is drawn. The rows are: before
+    the insertion, seed released, needle retracted, placement error, as in Fig. 1 of the paper of
+    2003. With `ultrasound` an image is mapped on the tissue and deforms with it.
     """
     if plan.best is None:
-        raise ValueError("a plan without a release has no stages")
+        raise ValueError("a plan without a release has no stages to draw")
     style = Style()
     look = ViewOptions(style=style)
     if ultrasound:
@@ -69,12 +68,12 @@ def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = Fals
 
 
 def _columns(plan: Plan, look: ViewOptions) -> list[_Column]:
-    """Return what is shown side by side: without the plan, if that is known, and with it."""
+    """Return the columns: the unplanned insertion, if it is known, and the planned one."""
     first, found = headline(plan), []
     if plan.unplanned is not None:
         found.append(
             _Column(
-                title="without planning", film=Timeline(plan.level), release=plan.unplanned,
+                title="unplanned", film=Timeline(plan.level), release=plan.unplanned,
                 target=plan.target, look=look,
                 error=f"placement error {100.0 * plan.unplanned.placement_error:.2f} cm",
             )
@@ -82,10 +81,10 @@ def _columns(plan: Plan, look: ViewOptions) -> list[_Column]:
     if plan.best is not None:
         error = first.title
         if plan.status is not PlanStatus.PLANNED:
-            error = f"{plan.status}: misses by {100.0 * plan.best.placement_error:.2g} cm"
+            error = f"{plan.status}: placement error {100.0 * plan.best.placement_error:.2g} cm"
         found.append(
             _Column(
-                title="with planning", film=Timeline(plan.insertion), release=plan.best,
+                title="planned", film=Timeline(plan.insertion), release=plan.best,
                 target=plan.target, look=look, error=error,
             )
         )  # fmt: skip
@@ -99,7 +98,7 @@ def _tissue(canvas: Canvas, panel: Panel, column: _Column, moment: Frame) -> Non
 
 
 def _window(canvas: Canvas, column: _Column) -> Window:
-    """Show the needle's side of the tissue: from behind the skin to well past the target."""
+    """Return a window from outside of the skin to behind the target."""
     depth = float(column.insertion.axis.axial_coordinate(column.target))
     width = depth + 0.037
     centre = canvas.screen(column.target)[0, :2] + np.array([0.5 * depth - 0.0065, 0.0095])
@@ -134,7 +133,7 @@ def _retracted(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> 
     canvas.target(column.target, 2.0 * radius)
     canvas.seed(column.release.placed_at, 1.5 * radius)
     where = ", ".join(f"{100 * x:.2f}" for x in column.release.placed_at)
-    _finish(canvas, panel, column, f"needle retracted, seed rests at ({where}) cm")
+    _finish(canvas, panel, column, f"needle retracted, final position of the seed ({where}) cm")
 
 
 def _error(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:

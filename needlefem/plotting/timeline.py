@@ -1,4 +1,4 @@
-"""What pictures need of an insertion at any time: fields, path, seeds, force."""
+"""The state of an insertion at any time: fields, path, seeds, force."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import TipPhase, depends_on_time, displacements
 
 CHUNK = 64
-"""States whose displacements are recovered at once."""
+"""Number of states whose displacements are computed together."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -23,15 +23,15 @@ class Frame:
     time : float, s
     depth : float, m
     force : float, N (N/m in 2D)
-        On the needle.
+        Force on the needle.
     u : array, shape (ndofs,), m
         Displacement.
     contours : tuple of arrays, shape (n, dim), m
-        Where the regions' outlines are.
+        Outlines of the regions.
     path : array, shape (n, dim), m
-        Where the cut path is, from the skin on.
+        Points of the cut path in space, from the skin.
     seeds : array, shape (nseeds, dim), m
-        Where what was released is.
+        Positions of the released seeds.
     """
 
     time: float
@@ -44,7 +44,7 @@ class Frame:
 
 
 class Timeline:
-    """An insertion as moments; between states all is linear in time.
+    """An insertion as frames; all quantities are interpolated linearly between states.
 
     Parameters
     ----------
@@ -72,14 +72,14 @@ class Timeline:
 
     @cached_property
     def times(self) -> Floats:
-        """Time of every state, shape (nstates,), s; of a march that of its depth."""
+        """Time of each state, shape (nstates,), s; with path following the time of its depth."""
         times = np.array([state.time for state in self.insertion.states])
         if times[-1] > 0.0:
             return times
         return self.insertion.depths / self.insertion.scene.motion.speed
 
     def time_at(self, depth: float) -> float:
-        """Return when the tip first is at a depth (m), or the time of its largest depth."""
+        """Return the first time of the tip at a depth (m), or the time of its largest depth."""
         depths = self.insertion.depths
         after = int(np.argmax(depths >= min(depth, float(depths.max()))))
         if after == 0:
@@ -88,7 +88,7 @@ class Timeline:
         return float(np.interp(depth, depths[pair], self.times[pair]))
 
     def moments(self, times: Sequence[float] | Floats) -> list[Frame]:
-        """Return the moments at some times, s; those outside the motion are moved to its ends."""
+        """Return the frames at given times, s; other times are moved to the ends of the motion."""
         times = np.clip(np.asarray(times, dtype=float), self.times[0], self.times[-1])
         last = len(self.times) - 1
         after = np.clip(np.searchsorted(self.times, times, side="left"), min(1, last), last)
@@ -106,7 +106,7 @@ class Timeline:
         ]
 
     def undeformed(self) -> Frame:
-        """Return the moment before the needle touches anything."""
+        """Return the frame before the first contact."""
         nothing = np.zeros((self.model.ndofs, 2))
         return self._moment(0.0, 0, 0, 0.0, nothing)
 
@@ -134,7 +134,7 @@ class Timeline:
         )
 
     def _outline_moved(self, number: int, nodal: Floats) -> Points:
-        """Return the displacement of an outline; what lies outside the tissue does not move."""
+        """Return the displacement of an outline; points outside of the tissue do not move."""
         moved = np.zeros(self.outlines[number].shape)
         weights = self._outline_weights[number]
         if weights is not None:
@@ -142,9 +142,9 @@ class Timeline:
         return moved
 
     def _fields(self, numbers: Ints) -> Floats:
-        """Return the displacements in some states, shape (ndofs, n), m."""
+        """Return the displacements of some states, shape (ndofs, n), m."""
         if depends_on_time(self.insertion):
-            return displacements(self.insertion, numbers.tolist())  # one way through all steps
+            return displacements(self.insertion, numbers.tolist())  # one pass through all steps
         parts = [
             displacements(self.insertion, numbers[i : i + CHUNK].tolist())
             for i in range(0, len(numbers), CHUNK)

@@ -1,4 +1,4 @@
-"""Charts with logarithmic axes as inline SVG: errors over unknowns or seconds, times as bars."""
+"""The verification report: an HTML page with tables and SVG charts, and the same as JSON."""
 
 import base64
 import dataclasses
@@ -24,16 +24,16 @@ from needlefem.plotting.view import SurfaceMesh
 COLOURS = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F",
 )  # fmt: skip
-"""Safe for the colour-blind (Okabe and Ito)."""
+"""Colours for colour-blind readers (Okabe and Ito)."""
 DASHES = ("", "7 4", "2 3", "9 3 2 3")
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 560.0, 340.0, 64.0, 172.0, 30.0, 44.0
 ROW, BAR, LONGEST, LETTER = 19.0, 12.0, 290.0, 6.6
-"""Of bars: height of a row and of the bar in it, length of the longest, width of a letter."""
+"""Bar charts: height of a row and of its bar, largest length, width of a letter, in pixels."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ChartLine:
-    """A named line of positive numbers; `ringed` are the places of points that stand out."""
+    """A named line of positive numbers; `ringed` are the indices of highlighted points."""
 
     name: str
     x: Sequence[float]
@@ -43,7 +43,7 @@ class ChartLine:
 
 @dataclasses.dataclass(frozen=True)
 class Bar:
-    """A named positive number with the least and the most that was found; of a series."""
+    """A named positive number of a series, with the smallest and the largest measured value."""
 
     name: str
     value: float
@@ -72,9 +72,9 @@ class _Axis:
 def loglog(
     title: str, x_label: str, y_label: str, lines: Sequence[ChartLine], slopes: Sequence[float] = ()
 ) -> str:
-    """Return a chart; `slopes` are drawn as triangles: what theory says of the lines.
+    """Return a chart as SVG; `slopes` of the theory are drawn as triangles.
 
-    Lines with a number that is not positive (an exact answer) are left out.
+    Lines with a number that is not positive (an error of zero) are omitted.
     """
     shown = [line for line in lines if min(*line.x, *line.y) > 0.0]
     if not shown:
@@ -92,9 +92,9 @@ def loglog(
 
 
 def bars(title: str, label: str, rows: Sequence[Bar]) -> str:
-    """Return a chart of bars on one logarithmic axis, with whiskers from the least to the most.
+    """Return a bar chart with a logarithmic axis and whiskers for the measured range as SVG.
 
-    What is not positive is left out.
+    Bars with numbers that are not positive are omitted.
     """
     shown = [bar for bar in rows if bar.value > 0.0 and (bar.least is None or bar.least > 0.0)]
     if not shown:
@@ -188,7 +188,7 @@ def _marker(number: int, x: float, y: float, colour: str) -> str:
 
 
 def _triangle(slope: float, number: int, across: _Axis, up: _Axis) -> str:
-    """Draw a triangle of a slope over half a power of ten, from the lower left."""
+    """Return a triangle with a given slope over half a power of ten."""
     begin, low = across.low + 0.15, up.low + 0.12 + 0.75 * number
     high = min(low + 0.5 * abs(slope), up.high)
     x0, x1 = across.at(10.0**begin), across.at(10.0 ** (begin + (high - low) / abs(slope)))
@@ -197,30 +197,38 @@ def _triangle(slope: float, number: int, across: _Axis, up: _Axis) -> str:
     return path + _text(x1 + 4.0, y0, f"slope {slope:g}", 'class="small"')
 
 
-# The report as one HTML page without links, and as JSON.
+# The report as one HTML page without external files, and as JSON.
 
 
 PACKAGES = ("needlefem", "scikit-fem", "numpy", "scipy")
 STYLE = """
-:root { color-scheme: light dark; --ink: #1d1d1f; --paper: #ffffff; --faint: #d8d8dc;
-  --good: #00704f; --bad: #b3261e; --chart: #ffffff; }
-@media (prefers-color-scheme: dark) { :root { --ink: #ececf0; --paper: #17181b; --faint: #3a3b40;
-  --good: #4cc38a; --bad: #ff8a80; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
-  max-width: 1180px; margin: 2rem auto; padding: 0 1rem; }
-h2 { border-top: 1px solid var(--faint); padding-top: 1.2rem; margin-top: 2.2rem; }
-table { border-collapse: collapse; font-size: 13px; width: 100%; }
-th, td { text-align: left; padding: 2px 10px 2px 0; border-bottom: 1px solid var(--faint);
+:root { color-scheme: light dark; --ink: #1d1d1f; --paper: #ffffff; --line: #eeebee;
+  --head: #f8f9fb; --link: #2757dd; --good: #00704f; --bad: #b3261e; --chart: #ffffff; }
+@media (prefers-color-scheme: dark) { :root { --ink: #ececf0; --paper: #131416; --line: #303335;
+  --head: #1a1c1e; --link: #5ca5ff; --good: #4cc38a; --bad: #ff8a80; } }
+body { font: 16px/1.5 Arial, "Liberation Sans", Helvetica, sans-serif; color: var(--ink);
+  background: var(--paper); max-width: 56em; margin: 1.5rem auto; padding: 0 1.25rem; }
+h1 { font-size: 2rem; margin: 0.5rem 0 1rem; }
+h2 { font-size: 1.4rem; margin: 2.2rem 0 0.8rem; padding-top: 0.6rem;
+  border-top: 1px solid var(--line); }
+a { color: var(--link); }
+.scroll { overflow-x: auto; margin: 0.6rem 0 1.2rem; }
+table { border-collapse: collapse; font-size: 0.9rem; width: 100%;
+  border: 1px solid var(--line); }
+th, td { text-align: left; padding: 0.35rem 0.6rem; border-bottom: 1px solid var(--line);
   vertical-align: top; }
+th { background: var(--head); }
 td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .good { color: var(--good); } .bad { color: var(--bad); font-weight: 600; }
 .charts { display: flex; flex-wrap: wrap; gap: 12px; margin: 1rem 0; }
-.charts svg { width: 560px; max-width: 100%; background: var(--chart); border: 1px solid #d8d8dc; }
-svg text { font: 11px system-ui, sans-serif; fill: #202020; }
+.charts svg { width: 560px; max-width: 100%; background: var(--chart);
+  border: 1px solid var(--line); }
+svg text { font: 11px Arial, "Liberation Sans", sans-serif; fill: #202020; }
 svg .title { font-weight: 600; font-size: 12px; } svg .small { font-size: 10px; }
 svg .grid { stroke: #e4e4e8; stroke-width: 1; } svg .slope { fill: none; stroke: #555; }
-figure { margin: 0; max-width: 560px; } figure img { width: 100%; border: 1px solid #d8d8dc; }
-dl { display: grid; grid-template-columns: 8rem 1fr; gap: 2px 12px; } dd { margin: 0; }
+figure { margin: 0; max-width: 560px; }
+figure img { width: 100%; border: 1px solid var(--line); }
+dl { display: grid; grid-template-columns: 8rem 1fr; gap: 0.25rem 0.8rem; } dd { margin: 0; }
 dt { font-weight: 600; } details summary { cursor: pointer; }
 """
 
@@ -235,7 +243,7 @@ def write_report(folder: Path, reports: Sequence[Report], *, quick: bool) -> Pat
 
 
 def record(reports: Sequence[Report], *, quick: bool) -> dict[str, Any]:
-    """Return everything that the page says, for tools."""
+    """Return the content of the page as a JSON object."""
     return {
         "packages": {name: version(name) for name in PACKAGES},
         "quick": quick,
@@ -273,13 +281,13 @@ def _passed(report: Report) -> bool:
 
 
 def html(reports: Sequence[Report], *, quick: bool) -> str:
-    """Return the page."""
+    """Return the page of the report."""
     body = "".join([_summary(reports, quick), _overview(reports), *map(_problem, reports)])
     return _document("verification", body)
 
 
 def chart_page(title: str, charts: Mapping[str, str]) -> str:
-    """Return a page of charts."""
+    """Return a page that shows charts."""
     shown = "".join(charts.values())
     return _document(title, f'<h1>{escape(title)}</h1><div class="charts">{shown}</div>')
 
@@ -300,14 +308,14 @@ def _summary(reports: Sequence[Report], quick: bool) -> str:
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     today = dt.datetime.now(dt.UTC).date().isoformat()
     word = f'<span class="bad">{failed} failed</span>' if failed else (
-        '<span class="good">all met</span>')  # fmt: skip
-    kind = "Quick run" if quick else "Whole run"
+        '<span class="good">all within tolerance</span>')  # fmt: skip
+    kind = "Quick run" if quick else "Complete run"
     return (
-        f"<h1>Verification</h1><p>{kind} of {len(reports)} problems: {len(verdicts)} answers, "
+        f"<h1>Verification</h1><p>{kind} of {len(reports)} problems: {len(verdicts)} quantities, "
         f"{word}, {seconds:.0f} s. {today}; {escape(packages)}.</p>"
-        "<p>Every answer gets two verdicts: against the reference, within a tolerance that is "
-        "explained, and against the own record, to 1e-8, so that a change which stays within the "
-        "tolerance is seen as well.</p>"
+        "<p>Each quantity is compared twice. The comparison with the reference uses a tolerance "
+        "whose reason is given. The comparison with the record of an earlier run uses the "
+        "tolerance 1e-8, so that a change within the first tolerance is detected, too.</p>"
     )
 
 
@@ -315,18 +323,22 @@ def _overview(reports: Sequence[Report]) -> str:
     rows = []
     for report in sorted(reports, key=_passed):
         failed = sum(not verdict.passed for verdict in report.verdicts)
-        word = f'<td class="bad">{failed} failed</td>' if failed else '<td class="good">met</td>'
+        word = (
+            f'<td class="bad">{failed} failed</td>'
+            if failed
+            else '<td class="good">within tolerance</td>'
+        )
         problem, link = report.problem, _anchor(report)
         rows.append(
-            f'<tr><td>{escape(problem.requirement)}</td><td><a href="#{link}">'
-            f"{escape(problem.name)}</a></td><td>{escape(problem.reference)}</td>"
+            f'<tr><td><a href="#{link}">{escape(problem.name)}</a></td>'
+            f"<td>{escape(problem.requirement)}</td><td>{escape(problem.reference)}</td>"
             f'<td class="number">{len(report.verdicts)}</td>{word}</tr>'
         )
     head = (
-        "<tr><th>requirement</th><th>problem</th><th>reference</th>"
-        '<th class="number">answers</th><th></th>'
+        "<tr><th>problem</th><th>requirement</th><th>reference</th>"
+        '<th class="number">quantities</th><th>verdict</th>'
     )
-    return f"<table>{head}</tr>{''.join(rows)}</table>"
+    return f'<div class="scroll"><table>{head}</tr>{"".join(rows)}</table></div>'
 
 
 def _anchor(report: Report) -> str:
@@ -344,21 +356,21 @@ def _problem(report: Report) -> str:
     listed = "".join(f"<dt>{key}</dt><dd>{escape(text)}</dd>" for key, text in facts.items())
     rows = "".join(map(_row, report.verdicts))
     head = (
-        '<tr><th>answer</th><th class="number">value</th><th class="number">reference</th>'
-        '<th class="number">off</th><th class="number">may be</th><th>reference</th>'
+        '<tr><th>quantity</th><th class="number">value</th><th class="number">reference</th>'
+        '<th class="number">error</th><th class="number">tolerance</th><th>verdict</th>'
         "<th>record</th></tr>"
     )
     return (
         f'<h2 id="{_anchor(report)}">{escape(problem.name)}</h2><dl>{listed}</dl>'
         f'<div class="charts">{_charts(report.findings.curves)}{_shapes(report)}</div>'
-        f"<details open><summary>{len(report.verdicts)} answers</summary>"
-        f"<table>{head}{rows}</table></details>"
+        f"<details open><summary>{len(report.verdicts)} quantities</summary>"
+        f'<div class="scroll"><table>{head}{rows}</table></div></details>'
     )
 
 
 def _row(verdict: Verdict) -> str:
     answer = verdict.answer
-    words = {True: "same", False: "CHANGED", None: ""}
+    words = {True: "unchanged", False: "CHANGED", None: ""}
     sign = "at least " if answer.at_least else ""
     numbers = [
         f"{answer.value:.8g}",
@@ -367,7 +379,8 @@ def _row(verdict: Verdict) -> str:
         "" if answer.at_least else f"{answer.tolerance:.0e}",
     ]
     cells = "".join(f'<td class="number">{number}</td>' for number in numbers)
-    met = '<td class="good">met</td>' if answer.passed else '<td class="bad">MISSED</td>'
+    word = "within tolerance" if answer.passed else "NOT WITHIN TOLERANCE"
+    met = f'<td class="{"good" if answer.passed else "bad"}">{word}</td>'
     kind = "bad" if verdict.record is False else "good"
     return (
         f"<tr><td>{escape(answer.label)}</td>{cells}{met}"
@@ -384,8 +397,8 @@ def _charts(curves: Sequence[Curve]) -> str:
             by_dofs = [ChartLine(c.element, c.dofs, c.errors) for c in group]
             by_time = [ChartLine(c.element, c.seconds, c.errors) for c in group]
             name = f"relative error, {quantity}"
-            parts.append(loglog("Error over unknowns", "unknowns", name, by_dofs, slopes))
-            parts.append(loglog("Error over time", "seconds", name, by_time))
+            parts.append(loglog("Error against unknowns", "unknowns", name, by_dofs, slopes))
+            parts.append(loglog("Error against time", "seconds", name, by_time))
     return "".join(parts)
 
 
@@ -393,8 +406,8 @@ def _shapes(report: Report) -> str:
     parts = []
     for shape in report.findings.shapes:
         title = (
-            f"{shape.title}: displacement x {shape.magnified:g}, its size by colour; "
-            "the outline is that before the load"
+            f"{shape.title}: displacement x {shape.magnified:g}, its magnitude as colour; "
+            "outline: undeformed"
         )
         try:
             image = f'<img alt="{escape(title, quote=True)}" src="{picture(shape)}">'

@@ -1,4 +1,4 @@
-"""What of a mesh is seen: polygons and lines whose points move with a displacement."""
+"""Views of an insertion: visible faces and edges of the mesh, moved by displacements."""
 
 import dataclasses
 from typing import Any
@@ -17,23 +17,23 @@ from needlefem.plotting.quantities import FieldQuantity
 from needlefem.plotting.timeline import Frame, Timeline
 
 PIECES = 20_000
-"""Triangles and quadrilaterals that curved cells are cut into, about."""
+"""Approximate number of triangles and quadrilaterals that curved cells are divided into."""
 FEWEST, MOST = 2, 6
-"""Parts of a curved edge: at least through its middle node."""
+"""Smallest number of parts of a curved edge, which has a middle node."""
 
 
 class SurfaceMesh:
-    """The faces of a mesh that are seen, and their edges.
+    """The visible faces of a mesh and their edges.
 
-    Of plane tissue these are the cells, of tissue in space the outer faces of its cells:
-    triangles and quadrilaterals of any mesh. Where displacement or geometry is quadratic, faces
-    are cut into parts, so that edges are drawn as curved as they are.
+    In 2D these are the cells, in 3D the outer faces of the cells: triangles and quadrilaterals.
+    If the displacement or the geometry is quadratic, the faces are divided into smaller ones, so
+    that edges appear curved.
 
     Parameters
     ----------
     space : FunctionSpace
     shown : array, shape (ncells,), optional
-        The cells to show, all when left out.
+        The visible cells; all by default.
 
     Attributes
     ----------
@@ -42,13 +42,13 @@ class SurfaceMesh:
     polygons : array, shape (n, corners)
         Numbers of points.
     cells : array, shape (n,)
-        The cell of every polygon.
+        Cell of each polygon.
     edges : array, shape (m, parts + 1)
-        Points along every edge of a cell.
+        Numbers of the points along each edge of a cell.
     outline : array, shape (k, parts + 1)
-        The same of the edges that belong to one face only: the skin of plane tissue.
+        The same for edges of one face only: the surface of plane tissue.
     parts : int
-        Of an edge; 1 where it is straight.
+        Number of parts of an edge; 1 if it is straight.
     """
 
     def __init__(self, space: FunctionSpace, shown: Bools | None = None) -> None:
@@ -77,7 +77,7 @@ class SurfaceMesh:
         self.outline: Ints = self.edges[alone]
 
     def _faces(self, shown: Bools) -> tuple[Ints, Ints]:
-        """Return the cell of every face that is seen, and which of the cell's it is."""
+        """Return the cell of each visible face, and the face's number in the cell."""
         mesh, kept = self.space.mesh, np.flatnonzero(shown)
         if mesh.dim() == 2:
             return kept, np.zeros(len(kept), dtype=np.intp)
@@ -87,7 +87,7 @@ class SurfaceMesh:
         return kept[rows], kinds
 
     def _cut(self, owners: Ints, kinds: Ints, pattern: "_Pattern") -> None:
-        """Place the points of cut faces, and find what nodes weigh there."""
+        """Compute the points of divided faces and the nodal weights there."""
         mesh, element = self.space.mesh, self.space.element.make()
         reference = np.asarray(mesh.elem.refdom.p, dtype=float).T
         places = np.array([pattern.weights @ reference[local] for local in self._local])
@@ -100,7 +100,7 @@ class SurfaceMesh:
         self._nodes = self.space.cell_nodes[owners]
 
     def displaced(self, u: Floats) -> Points:
-        """Return how far the points are moved by a displacement, shape (npoints, dim), m.
+        """Return the displacement of the points, shape (npoints, dim), m.
 
         Parameters
         ----------
@@ -115,14 +115,14 @@ class SurfaceMesh:
 
 
 class _Pattern:
-    """How a triangle or quadrilateral is cut, each edge into some parts.
+    """Division of a triangle or quadrilateral with equal parts of each edge.
 
     Attributes
     ----------
     weights : array, shape (size, corners)
-        Of the corners at every point.
+        Weights of the corners at each point.
     pieces : array, shape (parts^2, corners)
-        Points of the pieces.
+        Point numbers of the parts.
     rim : array, shape (corners, parts + 1)
         Points along the edges.
     """
@@ -159,32 +159,32 @@ def _along(
 
 
 def _edges(corners: Ints, along: Ints) -> tuple[Ints, Bools]:
-    """Return every edge once, shape (m, parts + 1), and whether one face only has it."""
+    """Return each edge once, shape (m, parts + 1), and whether it belongs to one face only."""
     ends = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2)
     key = ends[..., 0].ravel() * (int(corners.max()) + 1) + ends[..., 1].ravel()
     _, first, count = np.unique(key, return_index=True, return_counts=True)
     return along.reshape(-1, along.shape[2])[first], count == 1
 
 
-# Tissue on a canvas: its mesh by region or by values, edges and skin, moved by displacements.
+# Tissue on a canvas: mesh with colours of regions or values, edges and surface.
 
 
 EDGE_LAYER, SKIN_LAYER = 1, 2
 
 
 class Body:
-    """A mesh, drawn once and moved from displacement to displacement.
+    """A mesh that is drawn once and then moved by displacements.
 
     Parameters
     ----------
     canvas : Canvas
     space : FunctionSpace
-        Of plane tissue or of tissue in space.
+        Function space of plane or 3D tissue.
 
     Attributes
     ----------
     data : pyvista.PolyData
-        What is seen of it, to be coloured before it is drawn.
+        Visible faces, which are coloured before they are drawn.
     surface : SurfaceMesh
     """
 
@@ -203,7 +203,7 @@ class Body:
         return lines.draw(style.outline if skin else style.mesh, closed=skin)
 
     def draw(self, *, edges: bool = True, **how: Any) -> None:
-        """Draw it as PyVista is told."""
+        """Draw the faces with options of PyVista."""
         straight = self.surface.parts == 1
         if edges and not straight:
             self._strands.append(self._lines(self.surface.edges, EDGE_LAYER))
@@ -211,7 +211,7 @@ class Body:
         self.canvas.add(self.data, **lines, **how)
 
     def draw_regions(self) -> None:
-        """Draw it in the colours of its regions."""
+        """Draw the faces in the colours of their regions."""
         mesh, palette = self.space.mesh, self.canvas.style.tissue
         names = [BACKGROUND, *sorted(set(mesh.subdomains) - {BACKGROUND})]
         owner = np.zeros(mesh.nelements, dtype=np.intp)
@@ -222,7 +222,7 @@ class Body:
         self.draw(scalars="colours", rgb=True)
 
     def to(self, u: Floats) -> Points:
-        """Move it by a displacement, shape (ndofs,), m; return that of its points."""
+        """Move the mesh by a displacement, shape (ndofs,), m; return that of its points."""
         moved = self.surface.displaced(u)
         at = self.surface.rest + moved
         self.data.points = self.canvas.screen(at)
@@ -231,25 +231,25 @@ class Body:
         return moved
 
 
-# An insertion in one panel: drawn once, then moved from moment to moment.
+# An insertion in one panel, drawn once and then moved from frame to frame.
 
 
 BEHIND = 0.3
-"""Of the tissue's length along the needle, that is shown of the space that the needle is in."""
+"""Length of the shown space in front of the skin, relative to the tissue's length."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ViewOptions:
-    """What a picture shows of the tissue.
+    """Appearance of the tissue.
 
     Parameters
     ----------
     field : FieldQuantity, optional
-        Colours by this; by region when left out.
+        Quantity that is shown by colours; regions are shown by default.
     scale : Scale, optional
-        Of the field.
+        Colour scale of the field.
     texture : Texture, optional
-        An image that deforms with the tissue, instead.
+        An image that deforms with the tissue, instead of colours.
     style : Style
     """
 
@@ -260,14 +260,14 @@ class ViewOptions:
 
     @property
     def note(self) -> str:
-        """What must be said in the picture."""
+        """Note that must be shown in the picture."""
         if self.texture is not None:
             return self.texture.note
         return "" if self.field is None else self.field.note
 
 
 class TissueView:
-    """Tissue and outlines of its regions, drawn once and moved from moment to moment.
+    """Tissue and outlines of its regions, drawn once and moved from frame to frame.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ class TissueView:
             body.data.cell_data["field"] = field.of(cells, u)[body.surface.cells]
 
     def show(self, moment: Frame) -> None:
-        """Move to a moment."""
+        """Show a frame."""
         self._write_field(moment.u, self._body.to(moment.u))
         for line, ring in zip(self._lines, moment.contours, strict=True):
             line.points = self.canvas.plane(np.vstack([ring, ring[:1]]), 2)
@@ -335,7 +335,7 @@ class View:
     look : ViewOptions
     title : str
     window : Window, optional
-        What is shown; the whole tissue when left out.
+        The shown part of the plane; the whole tissue by default.
     """
 
     def __init__(
@@ -359,7 +359,7 @@ class View:
         self.show(film.undeformed())
 
     def _draw_path(self) -> Any:
-        """Draw the whole path as a line that lies at the entry until it is cut."""
+        """Draw the whole path as a line; points that are not cut yet lie at the entry."""
         entry = self.film.insertion.axis.entry
         self._path_size = max(len(self.film.moments([np.inf])[0].path), 2)
         style = self.look.style
@@ -383,7 +383,7 @@ class View:
         self._nowhere: Vector = home - 50.0 * reach * axis.direction
 
     def show(self, moment: Frame) -> None:
-        """Move everything to a moment, and write its time, depth and force."""
+        """Show a frame with its time, depth and force."""
         canvas = self.canvas
         self._tissue.show(moment)
         self._path.points = canvas.plane(self._padded(moment.path), 2.5)
@@ -393,22 +393,24 @@ class View:
         self.panel.line(self.caption(moment), 1)
 
     def _padded(self, path: Floats) -> Floats:
-        """Return the path with as many points as it will have at its end."""
+        """Return the path with the number of points that it has at its end."""
         if not len(path):
             path = self.film.insertion.axis.entry[None]
         rest = np.repeat(path[-1:], self._path_size - len(path), axis=0)
         return np.vstack([path, rest])
 
     def caption(self, moment: Frame) -> str:
-        """Return time, depth and force as text."""
+        """Return time, depth and force as a text."""
         solid = self.film.model.dim == 3
         force = f"{moment.force:.2f} N" if solid else f"{moment.force:.0f} N/m"
-        depth = f"depth {100 * moment.depth:.2f} cm" if moment.depth >= 0.0 else "needle out"
+        depth = (
+            f"depth {100 * moment.depth:.2f} cm" if moment.depth >= 0.0 else "tip outside tissue"
+        )
         return f"{moment.time:.2f} s, {depth}, force {force}"
 
 
 def whole(canvas: Canvas, film: Timeline) -> Window:
-    """Return the window of the whole tissue and some of the space behind the needle's entry."""
+    """Return a window with the whole tissue and a part of the space in front of the entry."""
     corners = canvas.screen(film.model.mesh.p.T)
     reach = float(np.ptp(corners[:, 0]))
     end = corners.max(axis=0) + np.array([BEHIND * reach, 0.0, 0.0])

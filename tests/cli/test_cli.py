@@ -171,7 +171,10 @@ def test_expectations_of_another_case_are_not_compared(
         (("plan", CASE, "--set", 'motion.stages=[{to="2 cm"}]'), "run carries stages out"),
         (("plan", CASE, "--set", "targets.count=3"), "only 'study targets'"),
         (("plan", CASE, "--method", "paper", "--search", "grid"), "is golden section"),
-        (("plan", CASE, "--method", "paper", "--all-solutions"), "is for our own method"),
+        (
+            ("plan", CASE, "--method", "paper", "--all-solutions"),
+            "is an option of the method of needlefem",
+        ),
         (("run", CASE, "--snapshots", "3"), "--snapshots: would be ignored: .*--out DIR"),
         (("run", CASE, "--set", 'planning.tolerance="1 mm"'), "'run' does not plan"),
         (("run", CASE, "--set", 'damping.mass_rate="1 1/s"'), "the integrator is 'march'"),

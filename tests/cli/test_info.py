@@ -32,4 +32,4 @@ def test_info_where_nothing_draws(
     backend.renderer.cache_clear()
     assert main(["info"]) == 0
     backend.renderer.cache_clear()
-    assert "no picture can be drawn here" in capsys.readouterr().out
+    assert "no picture can be drawn" in capsys.readouterr().out

@@ -58,4 +58,4 @@ def test_a_driver_that_kills_the_process_is_survived(tmp_path: Path) -> None:
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
     )
     assert found.returncode == 1
-    assert "NoRendererError: no picture can be drawn here" in found.stderr
+    assert "NoRendererError: no picture can be drawn" in found.stderr

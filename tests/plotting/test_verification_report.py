@@ -84,7 +84,14 @@ def test_page_is_whole_and_says_what_it_must(tmp_path: Path) -> None:
     parser.feed(text)
     assert parser.stack == []
     assert parser.fetched == []
-    for part in ("all met", "r &amp; q", "a &lt; b", "at least 1", "<svg", "data:image/png;base64"):
+    for part in (
+        "all within tolerance",
+        "r &amp; q",
+        "a &lt; b",
+        "at least 1",
+        "<svg",
+        "data:image/png;base64",
+    ):
         assert part in text
     record = json.loads((tmp_path / "verification.json").read_text())
     assert record["passed"]
