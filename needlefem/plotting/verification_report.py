@@ -423,7 +423,7 @@ def _shapes(report: Report) -> str:
 PICTURE_SIZE = (900, 640)
 """Width and height of a picture of a mesh, pixels."""
 MOST_EDGES = 5000
-"""Cells up to which their edges are drawn."""
+"""Largest number of cells with visible edges."""
 
 
 def picture(shape: Shape) -> str:
@@ -432,7 +432,7 @@ def picture(shape: Shape) -> str:
     Raises
     ------
     NoRendererError
-        Nothing here can draw.
+        No renderer is available.
     """
     pv = renderer()
     seen = SurfaceMesh(shape.solution.space)
