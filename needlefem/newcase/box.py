@@ -1,4 +1,4 @@
-"""Boxes of tissue around contours, and meshes of them that suit quadratic elements."""
+"""Boxes of tissue around contours, with meshes that suit quadratic elements."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -17,50 +17,50 @@ from needlefem.scene.build import build_mesh
 
 TIP_RADIUS = 1.27e-3
 CORRIDOR_SIZE = TIP_RADIUS
-"""Along the needle: quadratic elements have nodes at half of it, half a tip radius apart."""
+"""Element size along the needle: a tip radius, because quadratic elements have midside nodes."""
 HALVINGS = 2
-"""From the corridor's elements to the squares before refinement: sides that halving ends at."""
+"""Number of bisections from the squares of the box to the elements of the corridor."""
 MOST_SQUARES = 32
-"""Along the longer side of the box; a larger one gets coarser squares."""
+"""Largest number of squares along the longer side of the box; a larger box has larger squares."""
 ACROSS = 8.0
-"""Quadratic elements along the side of a square of a region's area."""
+"""Quadratic elements along the side of a square with the area of a region."""
 LARGEST = 3e-3
-"""Largest size along a contour, m."""
+"""Largest element size along a contour, m."""
 REACH = 0.5
-"""How far behind the target the needle may go, over the target's depth: what lies before the tip
-is pushed on before it is cut."""
+"""Allowed depth behind the target relative to the depth of the target. The tip pushes tissue ahead
+of it before it cuts, so that the release point lies behind the target."""
 SIDEWAYS, LEAST_SIDEWAYS = 0.1, 3e-3
-"""Heights of the needle that are searched, over the target's depth, and at the least, m."""
+"""Range of lateral offsets of the search: relative to the target's depth, and at least, m."""
 WHOLE = 1e-3
-"""Boxes are whole millimetres."""
+"""The coordinates of a box are multiples of this length, m."""
 CELLS_PER_EDGE, CELLS_PER_CORRIDOR = 20.0, 2.5
-"""Cells for an edge along a contour, and for an area of the corridor's size squared: measured."""
+"""Measured numbers of cells: per edge along a contour, and per squared size in the corridor."""
 MOST_CELLS = 50_000
-"""In a mesh that is drafted, by the estimate."""
+"""Largest estimated number of cells in the mesh of a draft."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Box:
-    """The tissue around regions: smallest and largest coordinates, shape (2,), m."""
+    """A box of tissue: smallest and largest coordinates, shape (2,), m."""
 
     low: Floats
     high: Floats
 
     def depth_of(self, point: Vector, direction: Vector) -> float:
-        """Return how far a point is from where a line through it enters the box, m."""
+        """Return the distance of a point from the face where a line through it enters, m."""
         with np.errstate(divide="ignore"):
             back = np.where(direction > 0, point - self.low, point - self.high) / direction
         return float(np.min(back[direction != 0]))
 
     def gap(self, contour: Contour) -> float:
-        """Return the smallest distance of a contour to the faces, m; negative if it leaves."""
+        """Return the smallest distance of a contour to the faces, m; negative if it is outside."""
         points = contour.points
         return float(min((points - self.low).min(), (self.high - points).min()))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TargetLine:
-    """The needle's line: target and direction (shape (2,)), and the target's depth, m."""
+    """The needle's line: target and direction, shape (2,), and the depth of the target, m."""
 
     target: Vector
     direction: Vector
@@ -68,18 +68,18 @@ class TargetLine:
 
     @property
     def max_depth(self) -> float:
-        """Return the depth that the needle may reach, m, in whole millimetres."""
+        """Return the largest allowed depth, m, in whole millimetres."""
         return float(WHOLE * np.ceil((1.0 + REACH) * self.depth / WHOLE))
 
     @property
     def sideways(self) -> float:
-        """Return how far from the target's height needles are searched, m."""
+        """Return the largest lateral offset from the target in the search, m."""
         wanted = max(LEAST_SIDEWAYS, SIDEWAYS * self.depth)
         return float(WHOLE * np.ceil(wanted / WHOLE))
 
     @property
     def end(self) -> Vector:
-        """Return where the deepest needle ends and what the tip needs beyond it, shape (2,), m."""
+        """Return the end of the box along the line, behind the largest depth, shape (2,), m."""
         beyond = self.max_depth - self.depth + 4.0 * TIP_RADIUS
         end: Vector = self.target + beyond * self.direction
         return end
@@ -94,9 +94,9 @@ def box_around(contours: Mapping[str, Contour], margin: float, *points: Vector) 
 
 
 def with_room(box: Box, line: TargetLine) -> Box:
-    """Return the box, larger where the needle's deepest point would leave it.
+    """Return the box, enlarged if the end of the needle's line is outside of it.
 
-    The face through which the needle enters stays: the end lies on its inner side.
+    The face through which the needle enters does not change.
     """
     low = WHOLE * np.floor(line.end / WHOLE)
     high = WHOLE * np.ceil(line.end / WHOLE)
@@ -105,7 +105,7 @@ def with_room(box: Box, line: TargetLine) -> Box:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BoxDraft:
-    """A box, the element sizes along its contours (m, by name), and how cells meet these.
+    """A box, the element sizes along its contours (m, by name), and the kind of interfaces.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ class BoxDraft:
     interfaces : str
         ``fitted`` or ``centroid``.
     why : str
-        The reason, for a comment.
+        Reason for the kind of interfaces, for a comment in the case.
     line : TargetLine or None
     """
 
@@ -133,21 +133,21 @@ class BoxDraft:
             f"divisions = {listed(str(n) for n in divisions(self.box))}",
             _commented(f"interfaces = {quoted(self.interfaces)}", comment(self.why)),
             "",
-            _commented("[mesh.refine]", "for quadratic elements, which are chosen"),
+            _commented("[mesh.refine]", "for quadratic elements (the default)"),
             _commented(
                 f"contour_size = {millimetres(max(self.sizes.values()), 3)}",
-                "where a region has none of its own",
+                "for regions without a size of their own",
             ),
             _commented(
                 f"corridor_size = {millimetres(CORRIDOR_SIZE, 3)}",
-                "along the needle: the tip's radius",
+                "along the needle: the radius of the tip",
             ),
             f"corridor_width = {millimetres(_width(self.line), 3)}",
         ]
         return "\n".join(lines)
 
     def own_size(self, name: str) -> str:
-        """Return the line that gives a region a size of its own, empty where it needs none."""
+        """Return the line with a region's own contour size; empty if it is not needed."""
         if self.sizes[name] == max(self.sizes.values()):
             return ""
         return f"\ncontour_size = {millimetres(self.sizes[name], 3)}"
@@ -166,18 +166,18 @@ def box_draft(
     key: str,
     remedy: str,
 ) -> BoxDraft:
-    """Return a box with cells that end at the contours where such can be made.
+    """Return a box whose cells end at the contours, if such a mesh is possible.
 
     Parameters
     ----------
     box : Box
     contours : mapping of names to Contour
     finest : float, m
-        Smallest size worth having along a contour: a voxel.
+        Smallest useful size along a contour, such as that of a voxel.
     line : TargetLine or None
-        Of the needle, where it is known.
+        Line of the needle, if it is known.
     key, remedy : str
-        What gave the contours, and what makes a smaller box or fewer contours.
+        Option that contains the contours, and remedy for too many cells, in messages.
 
     Raises
     ------
@@ -195,19 +195,19 @@ def box_draft(
         raise CaseError(key, problem, remedy)
     gap, names = _nearest(box, contours, sizes)
     if gap is not None:
-        why = f"{names} come as near as {1e3 * gap:.2g} mm: cells by their centroid"
+        why = f"{names} have a distance of {1e3 * gap:.2g} mm: cells are assigned by centroid"
         return BoxDraft(box, sizes, "by_centroid", why, line)
     draft = BoxDraft(box, sizes, "fitted", "cells end at the contours", line)
     try:
         build_mesh(_trial(draft, contours))
     except CaseError as error:
-        why = f"{error.problem}: cells by their centroid"
+        why = f"{error.problem}: cells are assigned by centroid"
         return BoxDraft(box, sizes, "by_centroid", why, line)
     return draft
 
 
 def divisions(box: Box) -> tuple[int, ...]:
-    """Return the numbers of squares along the axes."""
+    """Return the number of squares along each axis."""
     size = box.high - box.low
     square = CORRIDOR_SIZE * 2.0**HALVINGS
     while size.max() > MOST_SQUARES * square:
@@ -216,14 +216,14 @@ def divisions(box: Box) -> tuple[int, ...]:
 
 
 def contour_sizes(contours: Mapping[str, Contour], finest: float) -> dict[str, float]:
-    """Return the element size along every contour, m."""
+    """Return the element size along each contour, m."""
     return {name: _contour_size(contour, finest) for name, contour in contours.items()}
 
 
 def _cells(
     box: Box, contours: Mapping[str, Contour], sizes: Mapping[str, float], line: TargetLine | None
 ) -> float:
-    """Return about how many cells a box's mesh has, before anything of it is made."""
+    """Return an estimate of the number of cells, before the mesh is made."""
     cells = 2.0 * float(np.prod(divisions(box)))
     cells += CELLS_PER_EDGE * sum(c.length / sizes[name] for name, c in contours.items())
     if line is not None:
@@ -235,7 +235,7 @@ def _contour_size(contour: Contour, finest: float) -> float:
     side = float(np.sqrt(contour.area))
     wanted = float(np.clip(side / ACROSS, finest, max(finest, LARGEST)))
     steps = np.round(2.0 * np.log2(wanted / CORRIDOR_SIZE))
-    return float(CORRIDOR_SIZE * 2.0 ** (0.5 * steps))  # bisection ends at such sizes
+    return float(CORRIDOR_SIZE * 2.0 ** (0.5 * steps))  # sizes that bisection can reach
 
 
 def _width(line: TargetLine | None) -> float:
@@ -246,7 +246,7 @@ def _width(line: TargetLine | None) -> float:
 def _nearest(
     box: Box, contours: Mapping[str, Contour], sizes: Mapping[str, float]
 ) -> tuple[float | None, str]:
-    """Return the gap between two contours, or one and a face, that no cells fit into; or None."""
+    """Return a gap between contours, or contour and face, that is too small for cells; or None."""
     for name, contour in contours.items():
         if box.gap(contour) < sizes[name]:
             return box.gap(contour), "a contour and the box"
@@ -258,7 +258,7 @@ def _nearest(
 
 
 def _trial(draft: BoxDraft, contours: Mapping[str, Contour]) -> Scene:
-    """Return a scene with the draft's mesh; its materials and its needle play no part."""
+    """Return a scene with the mesh of the draft; its materials and its needle are placeholders."""
     line, largest = draft.line, max(draft.sizes.values())
     named = region_names(contours, "")
     refine = Refinement(

@@ -1,4 +1,7 @@
-"""Names in a new case: any text names a region, and no two regions, materials or files meet."""
+"""Drafts of cases: their names, their text, and the options of ``needlefem new``.
+
+Names of regions, materials and files are unique in a case. A value that is not known is ``"?"``.
+"""
 
 import csv
 import dataclasses
@@ -21,13 +24,13 @@ from needlefem.units import parse_quantity
 
 NAMELESS = "no name"
 LONGEST = 40
-"""Characters of a file's name before its suffix."""
+"""Allowed characters of a file name before its suffix."""
 RESERVED = re.compile(r"con|prn|aux|nul|com\d|lpt\d|case", re.ASCII)
-"""Names of files that Windows keeps for devices, and the case's own."""
+"""File names that Windows reserves for devices, and the file name of the case."""
 
 
 def different(name: str, taken: Collection[str]) -> str:
-    """Return a name, with the first number from 2 on behind it that makes it a new one."""
+    """Return the name, with the smallest number from 2 on appended that makes it unique."""
     chosen, number = name, 2
     while chosen in taken:
         chosen, number = f"{name} {number}", number + 1
@@ -35,10 +38,10 @@ def different(name: str, taken: Collection[str]) -> str:
 
 
 def region_names(names: Iterable[str], background: str) -> dict[str, str]:
-    """Return the names of a case's regions and of their materials by the names in a file.
+    """Return the names of regions and of their materials in a case, by their names in a file.
 
-    They differ from each other and from the background's, and none is ``"?"``, which marks what
-    is open, nor the name of what lies outside all regions.
+    They differ from each other and from the background's name. None is ``"?"``, which marks open
+    values, or the name of the space outside of all regions.
     """
     found: dict[str, str] = {}
     taken = {background, BACKGROUND, OPEN, ""}
@@ -55,8 +58,8 @@ def file_names(
 ) -> dict[str, str]:
     """Return names of files by names of regions.
 
-    They are in small letters, digits and hyphens, so that every system can write them, and differ
-    from each other, and from those that are `taken`, in more than capitals.
+    They consist of small letters, digits and hyphens, which all systems allow. They differ from
+    each other and from the names in `taken` also without regard to upper and lower case.
     """
     found: dict[str, str] = {}
     used = {name.casefold() for name in taken}
@@ -73,33 +76,34 @@ def file_names(
     return found
 
 
-# A case in the making, and its text: what is not known stands as ``"?"``.
+# A draft of a case and its text.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Draft:
-    """What a file says of a case. Values are TOML already; ``'"?"'`` where it says nothing.
+    """Values of a new case as TOML text; unknown values are ``'"?"'``.
 
     Parameters
     ----------
     title, file : str
     axes : tuple of str
     remarks : tuple of str
-        Sentences on what was done with the file.
+        Sentences on the processing of the file.
     mesh : str
-        The [mesh] table and those below it.
+        The [mesh] table and its subtables.
     regions : mapping
-        By name of a region in the file: the lines that say where it is.
+        Lines that define the shape of each region, by its name in the file.
     background : str
-        Name of the material outside all regions.
+        Name of the material outside of all regions.
     faces : tuple of str
-        Names of the mesh's faces.
+        Names of the faces of the mesh.
     direction, max_depth, target : str
     planning : str
+        The [planning] table; empty if nothing is known for it.
         The [planning] table, where something is known for it.
     frame : ImageFrame, optional
     contours : mapping
-        Contour files to write beside the case, by name.
+        Contour files by name, to be written into the folder of the case.
     """
 
     title: str
@@ -119,12 +123,12 @@ class Draft:
 
     @property
     def names(self) -> dict[str, str]:
-        """Names of the case's regions, and of their materials, by the names in the file."""
+        """Names of regions and materials in the case, by the names in the file."""
         return region_names(self.regions, self.background)
 
 
 def millimetres(value: float, digits: int = 12) -> str:
-    """Return a length as TOML."""
+    """Return a length (m) as TOML text in millimetres."""
     return f'"{1e3 * value:.{digits}g} mm"'
 
 
@@ -144,7 +148,7 @@ def numbers_text(vector: Floats | Sequence[float]) -> str:
 
 
 def csv_text(points: Points, axes: Sequence[str]) -> str:
-    """Return a contour's corners, shape (n, 2), m, as the text of a contour file in mm."""
+    """Return the vertices of a contour, shape (n, 2), m, as text of a contour file in mm."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(f"{axis} [mm]" for axis in axes)
@@ -171,8 +175,8 @@ def case_text(draft: Draft) -> str:
 
 def _head(draft: Draft) -> str:
     lines = [
-        f"# Begun by needlefem new from {comment(draft.file)}.",
-        f"# What it does not say is {quoted(OPEN)}: needlefem names each, and what belongs there.",
+        f"# Created by needlefem new from {comment(draft.file)}.",
+        f"# Unknown values are {quoted(OPEN)}; needlefem lists them and the values they can have.",
         *(f"# {comment(sentence)}" for sentence in draft.remarks),
         "",
         "schema_version = 1",
@@ -185,7 +189,7 @@ def _head(draft: Draft) -> str:
 def frame_text(frame: ImageFrame) -> str:
     """Return the [frame] tables: the case's plane in the scanner's space."""
     lines = [
-        "[frame]                        # the plane in the scanner; results are given there too",
+        "[frame]                        # position of the plane in the scanner's coordinates",
         f"space = {quoted(frame.space)}",
         f"origin = {point_text(frame.origin)}",
         f"axes = {listed(numbers_text(axis) for axis in frame.axes)}",
@@ -208,7 +212,7 @@ def _material(name: str) -> str:
     tissue = name.lower().replace(" ", "-")
     table = f"[materials.{key_of(name)}]"
     if tissue in library():
-        return f"{table}\ntissue = {quoted(tissue)}             # of docs/tissues.md, by its name"
+        return f"{table}\ntissue = {quoted(tissue)}             # a name of docs/tissues.md"
     return (
         f'{table}\nyoungs_modulus = "{OPEN}"           # such as "20 kPa"; or, instead of both,\n'
         f'poissons_ratio = "{OPEN}"           # tissue = "..." with a name of docs/tissues.md'
@@ -217,17 +221,17 @@ def _material(name: str) -> str:
 
 def _support(draft: Draft) -> str:
     names = comment(", ".join(draft.faces)) or "none: the file names no edges"
-    return f'[supports.held]\nfaces = "{OPEN}"                    # a list; there are {names}'
+    return f'[supports.held]\nfaces = "{OPEN}"                    # a list of: {names}'
 
 
 _NEEDLE = f"""[needle]
-tip_radius = "1.27 mm"         # an assumption; mesh.refine.corridor_size is the same
+tip_radius = "1.27 mm"         # an assumption; the value of mesh.refine.corridor_size is equal
 cutting_force = "{OPEN}"            # per metre of thickness, such as "90 N/m"
 shaft_friction = "{OPEN}"           # such as "25 kPa\""""
 
 
 def planning_text(sideways: float) -> str:
-    """Return the [planning] table: how far from the target's height needles are searched, m."""
+    """Return the [planning] table for lateral offsets up to a distance from the target, m."""
     ends = listed(millimetres(x) for x in (-sideways, sideways))
     return f"[planning]\nheight_range = {ends}"
 
@@ -239,35 +243,36 @@ def _motion(draft: Draft) -> str:
     )
 
 
-# What ``needlefem new`` is told beside the file.
+# Options of ``needlefem new`` besides the file.
 
 
 FARTHEST = 100.0
-"""Largest coordinate of a point, m."""
+"""Largest allowed coordinate of a point, m."""
 WIDEST = 1.0
-"""Widest margin around the regions, m."""
+"""Largest allowed margin around the regions, m."""
 LENGTHS = (1e-9, 1e9)
-"""Range of the largest component of a direction: what is beyond is no direction but a mistake."""
+"""Allowed range of the largest component of a direction."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CaseRequest:
-    """The needle and the tissue around, as texts; empty where nothing is said.
+    """Options on the needle and the surrounding tissue as texts; empty if omitted.
 
     Parameters
     ----------
     target, entry : str
-        Points, such as ``"12, -3.5, 40 mm"``; `target` may name a segment: its centre.
+        Points, such as ``"12, -3.5, 40 mm"``; the `target` may also be the name of a segment,
+        which stands for its centre.
     direction, across : str
         Directions, such as ``"0, 0.2, 1"``.
     space : str
-        Of the scanner's coordinates: ``LPS`` or ``RAS``.
+        Coordinate system of the scanner: ``LPS`` or ``RAS``.
     segments : str
-        Names of those to take, separated by commas; all when empty.
+        Names of the segments to be used, separated by commas; all by default.
     margin : str
-        Tissue around the regions, a length.
+        Width of the tissue around the regions, a length.
     unit : str
-        Length of one unit of the coordinates in a mesh file, or in contours without units.
+        Unit of the coordinates in a mesh file, or in contours without units, as a length.
     """
 
     target: str = ""
@@ -281,7 +286,7 @@ class CaseRequest:
 
     @property
     def around(self) -> float:
-        """The margin, m."""
+        """The margin as a number, m."""
         found = parse_quantity(self.margin, "length", "--margin")
         if not 0.0 < found <= WIDEST:
             remedy = f"give a length above 0 and up to {WIDEST:g} m"
@@ -295,7 +300,7 @@ def point_of(text: str, dim: int, key: str) -> Vector:
     Raises
     ------
     CaseError
-        Not as many numbers as axes, or no unit of length.
+        The number of coordinates is wrong, or the unit of length is missing.
     """
     *first, last = text.split(",")
     _, _, unit = last.strip().partition(" ")
@@ -307,7 +312,7 @@ def point_of(text: str, dim: int, key: str) -> Vector:
     found = np.array([parse_quantity(one, "length", key) for one in texts])
     if not np.all(np.abs(found) <= FARTHEST):
         remedy = f"give coordinates of at most {FARTHEST:g} m"
-        raise CaseError(key, f"'{text}' is no point of a body", remedy)
+        raise CaseError(key, f"'{text}' is too far from the origin", remedy)
     return found
 
 

@@ -1,4 +1,4 @@
-"""A case from contour files."""
+"""Drafts of cases from contour files and from mesh files."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -33,22 +33,23 @@ from needlefem.units import parse_quantity
 
 UNKNOWN = f'"{OPEN}"'
 UNNAMED = ("y", "z")
-"""Axes of files whose columns have no names."""
+"""Names of the axes for files whose columns have no names."""
 FINEST = 0.5e-3
-"""Smallest size along a contour, m, where no voxel says more."""
+"""Smallest element size along a contour, m, if no voxel size is known."""
 
 
 def of_contours(paths: Sequence[Path], folder: Path, wanted: CaseRequest) -> Draft:
-    """Return the case that contour files begin: a box around them, a region each.
+    """Return the draft for contour files: a box around them, and one region per file.
 
-    Coordinates stay those of the files. The skin passes through the entry; where none is given it
-    lies a margin before the contours. `folder` is the case's; contour files that lie there stay.
+    The coordinates are those of the files. The skin contains the entry; without an entry it is
+    placed at a margin before the contours. `folder` is that of the case; contour files in this
+    folder are not copied.
 
     Raises
     ------
     CaseError
-        A file that can't be read, one that is given twice, axes that differ between them, or a
-        contour that reaches out of the skin.
+        A file can't be read or is given twice, files have different axes, or a contour
+        extends beyond the skin.
     """
     sources = _sources(paths)
     tables = {name: read_table(path, "--contour") for name, path in sources.items()}
@@ -102,16 +103,16 @@ def _sources(paths: Sequence[Path]) -> dict[str, Path]:
 
 
 def _is_in(path: Path, folder: Path) -> bool:
-    """Say whether a contour file lies in the case's folder under a name that TOML can say."""
+    """Return whether a file is in the folder of the case with a name that TOML can contain."""
     try:
         path.name.encode()
     except UnicodeEncodeError:
         return False
-    return path.resolve().parent == Path(os.path.realpath(folder))  # takes links in a circle
+    return path.resolve().parent == Path(os.path.realpath(folder))  # safe for circular links
 
 
 def _files(sources: Mapping[str, Path], folder: Path) -> dict[str, str]:
-    """Return names of the case's contour files by region; files in its folder keep theirs."""
+    """Return the names of contour files by region; files in the folder keep their names."""
     staying = {name: path.name for name, path in sources.items() if _is_in(path, folder)}
     rest = [name for name in sources if name not in staying]
     return staying | file_names(rest, taken=staying.values())
@@ -121,7 +122,7 @@ def _direction(wanted: CaseRequest, target: Vector | None, entry: Vector | None)
     if entry is None:
         return direction_of(wanted.direction, 2, "--direction") if wanted.direction else None
     if target is None:
-        raise CaseError("--target", "missing", "give it too: the needle goes from --entry to it")
+        raise CaseError("--target", "missing", "the needle's line goes from --entry to --target")
     away = target - entry
     if not np.any(away):
         raise CaseError("--entry", f"'{wanted.entry}' is the target", "give a point of the skin")
@@ -129,13 +130,13 @@ def _direction(wanted: CaseRequest, target: Vector | None, entry: Vector | None)
 
 
 def _face(direction: Vector) -> tuple[int, bool]:
-    """Return the axis of the face through which the needle enters, and whether it is the lower."""
+    """Return the axis of the face where the needle enters, and whether it is the lower face."""
     axis = int(np.argmax(np.abs(direction)))
     return axis, bool(direction[axis] > 0.0)
 
 
 def _behind(box: Box, contours: Mapping[str, Contour], entry: Vector, direction: Vector) -> Box:
-    """Return the box with its entry face through the entry."""
+    """Return the box with the entry on its entry face."""
     axis, lower = _face(direction)
     low, high = box.low.copy(), box.high.copy()
     (low if lower else high)[axis] = entry[axis]
@@ -143,13 +144,13 @@ def _behind(box: Box, contours: Mapping[str, Contour], entry: Vector, direction:
         along = contour.points[:, axis]
         out = float(entry[axis] - along.min() if lower else along.max() - entry[axis])
         if out > 0.0:
-            problem = f"contour '{brief(name)}' reaches {1e3 * out:.2g} mm out of the skin"
-            raise CaseError("--entry", problem, "move it out, or leave the contour away")
+            problem = f"contour '{brief(name)}' extends {1e3 * out:.2g} mm beyond the skin"
+            raise CaseError("--entry", problem, "move the entry outwards, or omit the contour")
     return Box(low, high)
 
 
 def _farthest(contours: Mapping[str, Contour]) -> str:
-    """Return the name and the place of the corner that lies farthest from the others."""
+    """Return the name and the position of the vertex with the largest distance to the others."""
     points = np.vstack([contour.points for contour in contours.values()])
     away = np.linalg.norm(points - np.median(points, axis=0), axis=1)
     name, number = [
@@ -158,7 +159,7 @@ def _farthest(contours: Mapping[str, Contour]) -> str:
         for number in range(len(contour.points))
     ][int(np.argmax(away))]
     place = ", ".join(f"{x:.4g}" for x in contours[name].points[number])
-    return f"the farthest corner, {number + 1} of '{brief(name)}' at ({place}) m"
+    return f"the most distant vertex, {number + 1} of '{brief(name)}' at ({place}) m"
 
 
 def _remarks(
@@ -168,28 +169,28 @@ def _remarks(
     direction: Vector | None,
     contours: Mapping[str, Contour],
 ) -> tuple[str, ...]:
-    """Return what a reader of the case must know of the box and of depths."""
-    plain = "Coordinates are those of the files; plan and run print depths beside them."
+    """Return comments on the box and on the depths for the reader of the case."""
+    plain = "Coordinates are those of the files; plan and run print the depths as well."
     if direction is None:
         return (
-            f"The tissue is a box, {wanted.margin} around the contours: its faces are skin.", plain
+            f"The tissue is a box, {wanted.margin} around the contours; its faces are skin.", plain
         )  # fmt: skip
     axis, lower = _face(direction)
     at = float(box.low[axis] if lower else box.high[axis])
     face = f"{axes[axis]}_{'min' if lower else 'max'}"
     where = f"the face {face} of the box, at {axes[axis]} = {1e3 * at:.6g} mm"
     if wanted.entry:
-        skin = f"The skin is {where}, where the entry is."
+        skin = f"The skin is {where}, which contains the entry."
     else:
         skin = f"The skin is {where}, {wanted.margin} before the contours (or give --entry)."
     straight = bool(np.count_nonzero(direction) == 1)
     if straight and at == 0.0 and lower:
-        depth = f"The depth behind the skin is {axes[axis]}."
+        depth = f"The depth below the skin is {axes[axis]}."
     elif straight:
         sign = f"{axes[axis]} - {1e3 * at:.6g} mm" if lower else f"{1e3 * at:.6g} mm - {axes[axis]}"
-        depth = f"The depth behind the skin is {sign}. {plain}"
+        depth = f"The depth below the skin is {sign}. {plain}"
     else:
-        depth = f"Depths count along the needle from the skin. {plain}"
+        depth = f"Depths are measured along the needle from the skin. {plain}"
     touching = [
         f"Contour {brief(name)} touches the skin."
         for name, contour in contours.items()
@@ -199,26 +200,26 @@ def _remarks(
 
 
 def _contour_text(file: str, table: ContourTable, unit: str, stays: bool) -> str:
-    """Return the keys of a region; a file that stays and says no unit needs it here."""
+    """Return the keys of a region; the unit is added for a file that has none and is not copied."""
     line = f"contour = {quoted(file)}"
     if not stays or all(column.factor is not None for column in table.columns):
         return line
     return f"{line}\nunit = {quoted(unit)}"
 
 
-# A case from a mesh file with named groups.
+# A draft from a mesh file with named groups.
 
 
 def of_mesh(path: Path, folder: Path, wanted: CaseRequest) -> Draft:
-    """Return the case that a mesh file begins.
+    """Return the draft for a mesh file.
 
-    Every group of cells is a region, and the rest is the background: the cells without a group,
-    or the largest group where every cell has one.
+    Each group of cells is a region. The background consists of the cells without a group, or of
+    the largest group if every cell is in a group.
 
     Raises
     ------
     CaseError
-        The file can't be read, or its mesh can't be used.
+        The file can't be read, or its mesh is not valid.
     """
     found = read_plane_mesh(path, 1.0, "--mesh")
     mesh = found.mesh
@@ -235,7 +236,7 @@ def of_mesh(path: Path, folder: Path, wanted: CaseRequest) -> Draft:
     for mask, name in zip(covered, regions, strict=True):
         mask[groups[name]] = True
     if any(np.any(one & two) for k, one in enumerate(covered) for two in covered[:k]):
-        remarks.append("Groups share cells: a cell belongs to the last of its regions below.")
+        remarks.append("Groups share cells; a cell belongs to the last of its regions below.")
     if found.axes != ("x", "y"):
         remarks.append(f"The mesh lies in the {''.join(found.axes)}-plane of the file.")
     low, high = mesh.p.min(axis=1), mesh.p.max(axis=1)
@@ -243,7 +244,7 @@ def of_mesh(path: Path, folder: Path, wanted: CaseRequest) -> Draft:
     lines = [
         "[mesh]",
         f"file = {quoted(Path(os.path.relpath(path, folder)).as_posix())}",
-        f"unit = {quoted(wanted.unit or OPEN)}                     # the file goes from {span}",
+        f"unit = {quoted(wanted.unit or OPEN)}                     # coordinates from {span}",
         f'cell = "{"triangle" if is_simplicial(mesh) else "quadrilateral"}"',
     ]
     target, direction = wanted.target, wanted.direction
@@ -263,17 +264,17 @@ def of_mesh(path: Path, folder: Path, wanted: CaseRequest) -> Draft:
 
 
 def _background(order: list[str], without: int) -> tuple[str, list[str]]:
-    """Return the material outside all regions, and a sentence on it.
+    """Return the material outside of all regions, and a sentence about it.
 
     Parameters
     ----------
     order : list of str
-        Groups, the largest first.
+        Groups by decreasing size.
     without : int
-        How many cells are in no group.
+        Number of cells without a group.
     """
     if not order:
-        return BACKGROUND, ["The file names no group of cells: all of them are the background."]
+        return BACKGROUND, ["The file names no group of cells; all cells are the background."]
     if not without:
         return order[0], [f"The largest group, {order[0]}, is the background."]
-    return BACKGROUND, [f"The {without} cells in no group are the background."]
+    return BACKGROUND, [f"The {without} cells without a group are the background."]

@@ -1,4 +1,4 @@
-"""The plane in which a needle moves, and the outlines of segments in it."""
+"""Drafts of cases from label maps: the plane of the needle and the contours of segments in it."""
 
 import csv
 import dataclasses
@@ -29,43 +29,43 @@ from needlefem.newcase.draft import (
 )
 
 SMOOTHING = 1.2
-"""Standard deviation of the filter that takes the steps out of a segment, coarsest voxel sides."""
+"""Standard deviation of the smoothing filter, in the longest side of a voxel."""
 THINNEST = 0.25
-"""The most that the filter's deviation may be, of the radius of the largest ball in a segment."""
+"""Largest deviation of the filter relative to the radius of the largest ball in a segment."""
 REACH = 4.0
-"""Where the filter ends, standard deviations."""
+"""Radius of the filter in standard deviations."""
 STEPS = 2.0
 """Samples in the plane per shortest side of a voxel."""
 NEAR = 1.5
-"""How near an outline comes to the image's edge where the image cuts it, voxels."""
+"""Distance of a contour from the edge of the image below which the image cuts it, voxels."""
 SIDES = (("right", "left"), ("anterior", "posterior"), ("inferior", "superior"))
-"""By the axes of LPS: where their negative and their positive direction go."""
+"""Negative and positive anatomical direction of each axis of LPS."""
 LEAST = 4.0
-"""Area of the smallest island that is kept, squares of the shortest side of a voxel."""
+"""Smallest area of an island that is kept, in squares of the shortest side of a voxel."""
 
 
 def needle_plane(
     voxels: Voxels, space: str, target: Vector, direction: Vector, across: Vector | None = None
 ) -> ImageFrame:
-    """Return the plane through the needle, its point (0, 0) at the target.
+    """Return the plane that contains the needle, with its point (0, 0) at the target.
 
     Parameters
     ----------
     voxels : Voxels
     space : str
-        Of all coordinates: ``LPS`` or ``RAS``.
+        Coordinate system of all coordinates: ``LPS`` or ``RAS``.
     target : array, shape (3,), m
     direction : array, shape (3,)
-        Of the needle: the case's second axis.
+        Direction of the needle, which is the second axis of the case.
     across : array, shape (3,), optional
-        What the plane contains beside the needle: the case's first axis, made normal to it. When
-        left out, the voxels' axis nearest to a right angle with the needle (of equal ones the
-        finest).
+        Second direction of the plane, made normal to the needle: the first axis of the case. By
+        default, the voxel axis that is nearest to a right angle with the needle; if several are
+        equal, the one with the smallest voxel side.
 
     Raises
     ------
     CaseError
-        The direction has no length, or `across` is along it.
+        The direction is zero, or `across` is parallel to it.
     """
     length = np.linalg.norm(direction)
     if not length > 0.0:
@@ -76,8 +76,8 @@ def needle_plane(
         across = own[np.lexsort((voxels.spacing, np.round(np.abs(own @ along), 6)))[0]]
     side = across - (across @ along) * along
     if np.linalg.norm(side) < 1e-6 * np.linalg.norm(across) or not np.any(across):
-        problem = f"{[float(x) for x in across]} is along the needle"
-        raise CaseError("--across", problem, "give a direction across it")
+        problem = f"{[float(x) for x in across]} is parallel to the needle"
+        raise CaseError("--across", problem, "give a direction across the needle")
     side = side / np.linalg.norm(side)
     axes = tuple(tuple(float(x) + 0.0 for x in axis) for axis in (side, along))
     origin = tuple(float(x) for x in target)
@@ -86,16 +86,16 @@ def needle_plane(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outlines:
-    """What a plane cuts out of a segment.
+    """Contours of a segment in a plane.
 
     Parameters
     ----------
     contours : list of Contour
-        One for every part, the largest first; holes are filled.
+        One per part, the largest first; holes are filled.
     dropped : int
-        Islands too small for a contour, or lost in the filter.
+        Number of islands that are too small or are removed by the filter.
     holes : int
-        Holes that were filled.
+        Number of filled holes.
     """
 
     contours: list[Contour]
@@ -104,12 +104,12 @@ class Outlines:
 
 
 def outlines(labelmap: LabelMap, segment: Segment, frame: ImageFrame) -> Outlines:
-    """Return a segment's outlines in a plane.
+    """Return the contours of a segment in a plane.
 
-    The segment is smoothed by a Gaussian as wide as its steps are high (`SMOOTHING`) where it is
-    thick enough (`THINNEST`), sampled in the plane, and outlined by marching squares at the level
-    that encloses the volume of its voxels, so that the filter does not shrink it. Corners are as
-    far apart as voxels at their finest.
+    The segment is smoothed by a Gaussian filter as wide as a voxel (`SMOOTHING`) where it is thick
+    enough (`THINNEST`). It is sampled in the plane, and marching squares return the contour at the
+    level that encloses the volume of the voxels, so that the filter does not shrink the segment.
+    The distance between vertices is that of the finest voxel side.
     """
     part, smooth, level, start = _smoothed(labelmap, segment)
     y, z = _ticks(labelmap.voxels, smooth.shape, start, frame)
@@ -127,9 +127,9 @@ def outlines(labelmap: LabelMap, segment: Segment, frame: ImageFrame) -> Outline
 
 
 def cut_sides(labelmap: LabelMap, segment: Segment, frame: ImageFrame, cut: Outlines) -> list[str]:
-    """Return a sentence for every side of the image at which it cuts a segment off.
+    """Return one sentence for each side at which the image cuts the segment.
 
-    The outlines in the plane then follow the image's edge there, or are not concerned.
+    There the contours follow the edge of the image, unless the plane does not contain this side.
     """
     mask, voxels = labelmap.mask(segment), labelmap.voxels
     numbers = [voxels.numbers(frame.to_scanner(c.points)) for c in cut.contours]
@@ -145,26 +145,26 @@ def cut_sides(labelmap: LabelMap, segment: Segment, frame: ImageFrame, cut: Outl
                 continue
             side = _side(end * np.array(voxels.axes[axis]), labelmap.space)
             outline = (
-                "its outline follows the image's edge there, not its own surface"
+                "its contour follows the edge of the image there instead of its surface"
                 if met
-                else "its outline in this plane is not concerned"
+                else "its contour in this plane is not affected"
             )
             found.append(
-                f"The image cuts {brief(segment.name)} off at its {side} side "
+                f"The image cuts {brief(segment.name)} at its {side} side "
                 f"({'ijk'[axis]} = {number}): {outline}."
             )
     return found
 
 
 def _side(direction: Vector, space: str) -> str:
-    """Return the side of the body to which a direction of the scanner's space points most."""
+    """Return the side of the body that a direction in the scanner's space points to."""
     towards = direction * (np.array([1.0, 1.0, 1.0]) if space == "LPS" else [-1.0, -1.0, 1.0])
     axis = int(np.argmax(np.abs(towards)))
     return SIDES[axis][int(towards[axis] > 0.0)]
 
 
 def _smoothed(labelmap: LabelMap, segment: Segment) -> tuple[Floats, Floats, float, Floats]:
-    """Return a segment, the same smoothed, its edge's level, and its first voxel's (i, j, k)."""
+    """Return a segment, its smoothed field, the level of its surface, and its first voxel."""
     mask = labelmap.mask(segment)
     box = ndimage.find_objects(mask.astype(np.int8))[0]
     sides = np.array(labelmap.voxels.spacing)[::-1]
@@ -200,8 +200,8 @@ def _ticks(
 def _rings(
     y: Floats, z: Floats, values: Floats, level: float, spacing: float
 ) -> tuple[list[Contour], int, int]:
-    """Return lines around a level, the largest first, how many are too small, and the holes."""
-    from contourpy import contour_generator  # noqa: PLC0415  (only a label map needs it)
+    """Return contours at a level, the largest first, and the numbers of small ones and of holes."""
+    from contourpy import contour_generator  # noqa: PLC0415  (only label maps need it)
 
     lines = contour_generator(y, z, values, fill_type="OuterOffset")
     found: Any = lines.filled(level, float(values.max()) + 1.0)
@@ -218,7 +218,7 @@ def _rings(
 
 
 def evenly(points: Points, spacing: float) -> Points:
-    """Return corners along a closed polygon, about `spacing` apart and at least eight."""
+    """Return vertices on a closed polygon with distances of about `spacing`, at least eight."""
     ring = points if np.array_equal(points[0], points[-1]) else np.vstack([points, points[:1]])
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1))])
     count = max(8, round(along[-1] / spacing))
@@ -226,24 +226,24 @@ def evenly(points: Points, spacing: float) -> Points:
     return np.stack([np.interp(at, along, ring[:, i]) for i in range(2)], axis=1)
 
 
-# A case from a label map: the plane of the needle, cut out of it.
+# A draft from a label map: the plane of the needle.
 
 
 INTO = np.array([0.0, 1.0])
-"""Direction of the needle in the case: along its second axis."""
+"""Direction of the needle in the case: its second axis."""
 
 
 def of_labelmap(path: Path, wanted: CaseRequest) -> Draft:
-    """Return the case that a label map begins: the plane of the needle, a region a segment.
+    """Return the draft for a label map: the plane of the needle, and one region per segment.
 
-    The case's first axis lies across the needle, its second along it from the skin on. The skin
+    The first axis of the case is across the needle, the second along it, from the skin. The skin
     is at the entry, or where the needle enters the image.
 
     Raises
     ------
     CaseError
-        The file can't be read; target or direction are missing or can't be; the plane meets no
-        segment, or a segment reaches out of the skin.
+        The file can't be read, target or direction are missing or not possible, the plane
+        contains no segment, or a segment extends beyond the skin.
     """
     labelmap = read_labelmap(path, wanted.space)
     segments = _chosen(labelmap, wanted.segments)
@@ -259,7 +259,7 @@ def of_labelmap(path: Path, wanted: CaseRequest) -> Draft:
     line = TargetLine(-corner, INTO, depth)
     box = box_around(contours, wanted.around, line.target)
     box = with_room(Box(np.zeros(2), box.high), line)
-    remedy = "check the spacing of the voxels, --target and --margin, or take fewer --segments"
+    remedy = "check the spacing of the voxels, --target and --margin, or use fewer --segments"
     finest = min(labelmap.voxels.spacing)
     mesh = box_draft(box, contours, finest, line, key="--labelmap", remedy=remedy)
     files = file_names(contours)
@@ -269,8 +269,8 @@ def of_labelmap(path: Path, wanted: CaseRequest) -> Draft:
         file=path.name,
         axes=("y", "z"),
         remarks=(
-            "y is across the needle, z the depth along it, from the skin on; the skin is flat,",
-            f"{skin}. Outlines are smoothed; of overlapping regions the later wins.",
+            "y is the coordinate across the needle, z the depth from the skin; the skin is flat,",
+            f"{skin}. Contours are smoothed; where regions overlap, the last one applies.",
             *labelmap.remarks,
             *remarks,
         ),
@@ -315,14 +315,14 @@ def _target(labelmap: LabelMap, text: str) -> Vector:
 
 
 def _line(labelmap: LabelMap, target: Vector, wanted: CaseRequest) -> tuple[Vector, float]:
-    """Return the needle's direction and the depth of the target below the skin, m."""
+    """Return the direction of the needle, and the depth of the target below the skin, m."""
     if wanted.entry:
         away = target - point_of(wanted.entry, 3, "--entry")
         if not np.any(away):
             raise CaseError("--entry", f"'{wanted.entry}' is the target", "give a point of skin")
         return away / np.linalg.norm(away), float(np.linalg.norm(away))
     if not wanted.direction:
-        remedy = "give it ('0, 0.2, 1'), or a point of the skin by --entry"
+        remedy = "give a direction ('0, 0.2, 1'), or a point of the skin by --entry"
         raise CaseError("--direction", "missing", remedy)
     direction = direction_of(wanted.direction, 3, "--direction")
     voxels = labelmap.voxels
@@ -341,15 +341,15 @@ def _line(labelmap: LabelMap, target: Vector, wanted: CaseRequest) -> tuple[Vect
 def _regions(
     labelmap: LabelMap, segments: list[Segment], frame: ImageFrame
 ) -> tuple[dict[str, Contour], list[str]]:
-    """Return contours by region, those that enclose others first, and what there is to say."""
+    """Return contours by region, enclosing regions first, and comments on them."""
     found: dict[str, Contour] = {}
     remarks = []
     for segment in segments:
         cut, name = outlines(labelmap, segment, frame), brief(segment.name)
         if not cut.contours:
-            remarks.append(f"The plane does not meet {name}.")
+            remarks.append(f"The plane does not contain {name}.")
         if cut.dropped:
-            remarks.append(f"Islands of {name} too small to keep: {cut.dropped}.")
+            remarks.append(f"Islands of {name} that are too small: {cut.dropped}.")
         if cut.holes:
             remarks.append(f"Holes in {name}, filled unless a later region is there: {cut.holes}.")
         remarks += cut_sides(labelmap, segment, frame, cut)
@@ -358,8 +358,8 @@ def _regions(
             found[different(segment.name, {*found, *others})] = contour
     if not found:
         names = ", ".join(segment.name for segment in segments)
-        problem = f"the plane of the needle meets none of {names}"
-        raise CaseError("--target", problem, "move it, or turn the plane by --across")
+        problem = f"the plane of the needle contains none of {names}"
+        raise CaseError("--target", problem, "move the target, or rotate the plane by --across")
     return dict(sorted(found.items(), key=lambda item: -item[1].area)), remarks
 
 
@@ -367,5 +367,5 @@ def _check_skin(contours: Mapping[str, Contour], depth: float) -> None:
     for name, contour in contours.items():
         out = -depth - float(contour.points[:, 1].min())
         if out > 0.0:
-            problem = f"segment '{brief(name)}' reaches {1e3 * out:.2g} mm out of the skin"
-            raise CaseError("--entry", problem, "move it out, or leave it away by --segments")
+            problem = f"segment '{brief(name)}' extends {1e3 * out:.2g} mm beyond the skin"
+            raise CaseError("--entry", problem, "move the entry outwards, or omit it in --segments")

@@ -121,7 +121,7 @@ def test_parts_and_holes(tmp_path: Path) -> None:
 def test_a_plane_needs_two_directions(tmp_path: Path) -> None:
     voxels = read_labelmap(maps.write(tmp_path / "map.nrrd")).voxels
     up = np.array([0.0, 0.0, 1.0])
-    with pytest.raises(CaseError, match="--across: .* is along the needle"):
+    with pytest.raises(CaseError, match="--across: .* is parallel to the needle"):
         needle_plane(voxels, "LPS", up, up, 2.0 * up)
     with pytest.raises(CaseError, match="--direction: .* has no length"):
         needle_plane(voxels, "LPS", up, 0.0 * up)

@@ -126,7 +126,7 @@ def test_contours_that_come_near_are_not_fitted(tmp_path: Path) -> None:
     assert main(["new", str(tmp_path / "c"), "--contour", *files]) == 0
     text = (tmp_path / "c" / "case.toml").read_text()
     assert 'interfaces = "centroid"' in text
-    assert "contours come as near as 1 mm" in text
+    assert "contours have a distance of 1 mm" in text
 
 
 @pytest.mark.parametrize("name", ["square.msh", "square.vtu"])
@@ -184,7 +184,10 @@ def test_a_label_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ("--target Tumour --direction 0,0,1 --margin -1_mm", "give a length above 0 and up to 1 m"),
         ("--target 12,-31,400_mm --direction 0,0,1", "(12, -31, 400) mm in LPS is outside the im"),
         ("--target 12,-31,74_mm --entry 12,-31,70_mm", "reaches 1"),
-        ("--target 45,-31,74_mm --direction 0,0,1 --across 0,1,0", "meets none of Prostate, Tumo"),
+        (
+            "--target 45,-31,74_mm --direction 0,0,1 --across 0,1,0",
+            "contains none of Prostate, Tumo",
+        ),
     ],
 )
 def test_what_a_label_map_needs(
