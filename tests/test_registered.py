@@ -25,10 +25,10 @@ mesh = {{ size = ["6 cm", "4 cm"], divisions = [12, 8], pattern = "{pattern}" }}
 tissue = {{ default_material = "gel" }}
 materials.gel = {{ law = "{law}", density = "1000 kg/m^3", {constants} }}
 supports.walls = {{ faces = ["y_min", "y_max", "z_max"] }}
-discretization = {{ {numbers}, path_spacing = "2.5 mm" }}
+discretization = {{ {numbers}, path_spacing = "3 mm" }}
 needle = {{ tip_radius = "5 mm", cutting_force = "30 N/m", shaft_friction = "1 kPa" }}
-motion = {{ direction = [0.0, 1.0], max_depth = "2 cm", speed = "5 cm/s", entry = {entry} }}
-target = {{ point = ["2.9 cm", "1 cm"] }}
+motion = {{ direction = [0.0, 1.0], max_depth = "1.5 cm", speed = "5 cm/s", entry = {entry} }}
+target = {{ point = ["2.9 cm", "0.8 cm"] }}
 """
 ENTRY = '["3.1 cm", "0 cm"]'
 PATTERNS = {"diagonal": "triangle", "quadrilateral": "quadrilateral"}
@@ -103,7 +103,7 @@ def planned(case: Path) -> Plan | str:
     except (CaseError, CheckFailedError) as refused:
         return sentence_of(refused)
     assert plan.status is PlanStatus.PLANNED, plan.sentence
-    assert np.isfinite(plan.placement_error)
+    assert plan.best.placement_error < 1e-6
     return plan
 
 

@@ -17,18 +17,18 @@ Path = tuple[str, ...]
 
 CASE_KEYS: Mapping[Path, str] = {
     ("tissue", "background"): "default_material",
-    ("discretization", "tip_quadrature_points"): "tip_quadrature_points",
+    ("discretization", "kernel_points"): "tip_quadrature_points",
     ("discretization", "mass"): "mass_matrix",
-    ("needle", "static_friction_ratio"): "static_friction_ratio",
-    ("needle", "slip_weakening_distance"): "slip_weakening_distance",
-    ("needle", "lateral_penalty"): "lateral_penalty",
-    ("needle", "tangential_penalty"): "tangential_penalty",
+    ("needle", "static_friction"): "static_friction_ratio",
+    ("needle", "weakening_length"): "slip_weakening_distance",
+    ("needle", "lateral_stiffness"): "lateral_penalty",
+    ("needle", "stick_stiffness"): "tangential_penalty",
     ("motion", "stages", ANY, "to"): "depth",
     ("motion", "stages", ANY, "hold"): "dwell",
     ("motion", "stages", ANY, "train"): "seed_count",
     ("motion", "stages", ANY, "pitch"): "seed_spacing",
-    ("planning", "offset_range"): "offset_range",
-    ("planning", "interval_tolerance"): "interval_tolerance",
+    ("planning", "height_range"): "offset_range",
+    ("planning", "golden_tolerance"): "interval_tolerance",
 }
 """Keys of a case file, by their old path; sections have their new name."""
 CASE_VALUES: Mapping[Path, Mapping[str, str]] = {
@@ -51,7 +51,7 @@ _ENERGY = {
 }
 _EVIDENCE = _ENERGY | {
     ("discretization",): "discretization",
-    ("discretization", "tip_quadrature_points"): "tip_quadrature_points",
+    ("discretization", "kernel_points"): "tip_quadrature_points",
     ("validity", "inverted_cells"): "inverted_cells",
     ("snaps",): "ruptures",
 }
