@@ -136,7 +136,7 @@ def test_cases_arrive_at_the_printed_depth(
     """The tip that is pushed from the printed entry to the printed depth is at the target."""
     case = CASES / name / "case.toml"
     coarse = ["--set", "planning.estimate=false", "--set", "discretization.element=P1"]
-    coarse += ["--set", "mesh.interfaces=centroid", "--set", "discretization.path_spacing=3 mm"]
+    coarse += ["--set", "mesh.interfaces=by_centroid", "--set", "discretization.path_spacing=3 mm"]
     assert main(["plan", str(case), "--out", str(tmp_path), "--no-pictures", *coarse]) in (0, 1)
     printed = capsys.readouterr().out
     direction = tuple(load_result(tmp_path).record["direction"])

@@ -161,7 +161,7 @@ def case_text(draft: Draft) -> str:
     parts = [_head(draft), draft.mesh]
     if draft.frame is not None:
         parts.append(frame_text(draft.frame))
-    parts.append(f"[tissue]\nbackground = {quoted(draft.background)}")
+    parts.append(f"[tissue]\ndefault_material = {quoted(draft.background)}")
     names = draft.names
     parts += [_material(name) for name in (draft.background, *names.values())]
     parts += [
@@ -179,7 +179,7 @@ def _head(draft: Draft) -> str:
         f"# Unknown values are {quoted(OPEN)}; needlefem lists them and the values they can have.",
         *(f"# {comment(sentence)}" for sentence in draft.remarks),
         "",
-        "schema_version = 1",
+        "schema_version = 2",
         f"title = {quoted(draft.title)}",
         f"axes = {listed(quoted(axis) for axis in draft.axes)}",
     ]

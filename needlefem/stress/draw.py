@@ -64,7 +64,7 @@ class _Draw:
     def __init__(self, random: Random) -> None:
         self.random = random
         self.kinds: dict[str, str] = {}
-        self.data: dict[str, Any] = {"schema_version": 1, "title": "random", "axes": ["y", "z"]}
+        self.data: dict[str, Any] = {"schema_version": 2, "title": "random", "axes": ["y", "z"]}
         self.contours: dict[str, Points] = {}
 
     def kind(self, aspect: str, options: dict[str, float]) -> str:
@@ -79,7 +79,7 @@ class _Draw:
         self._line()
         self._frame()
         self._inclusions()
-        data["tissue"] = {"background": "tissue"}
+        data["tissue"] = {"default_material": "tissue"}
         self._element()
         self._materials()
         self._plane()

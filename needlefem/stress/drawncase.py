@@ -240,25 +240,25 @@ def draw_motion(
     duration = depth / speed
     if kind == "table":
         return _table(random, depth, duration)
-    stages: list[dict[str, Any]] = [{"to": _length(depth)}]
+    stages: list[dict[str, Any]] = [{"depth": _length(depth)}]
     if random.random() < 0.5:
         stages[0]["speed"] = DrawnQuantity(speed * float(random.uniform(0.5, 1.0)), "speed")
     if kind == "release":
         rest = duration * float(random.uniform(0.02, 1.0))
-        stages.append({"hold": DrawnQuantity(rest, "time"), "release": "seed"})
-        stages.append({"to": _length(random.choice([-0.05, 0.0, random.uniform(0, 0.8)]) * depth)})
+        stages.append({"dwell": DrawnQuantity(rest, "time"), "release": "seed"})
+        stages.append({"depth": _length(random.choice([-0.05, 0.0, random.uniform(0, 0.8)]) * depth)})
     elif kind == "out and in":
-        stages.append({"to": _length(-random.uniform(0.02, 0.2) * depth)})
-        stages.append({"to": _length(random.uniform(0.4, 1.0) * depth)})
+        stages.append({"depth": _length(-random.uniform(0.02, 0.2) * depth)})
+        stages.append({"depth": _length(random.uniform(0.4, 1.0) * depth)})
     elif kind == "to and fro":
         for _ in range(int(random.integers(1, 4))):
-            stages.append({"to": _length(random.uniform(0.2, 0.9) * depth)})
-            stages.append({"to": _length(random.uniform(0.5, 1.0) * depth)})
+            stages.append({"depth": _length(random.uniform(0.2, 0.9) * depth)})
+            stages.append({"depth": _length(random.uniform(0.5, 1.0) * depth)})
     elif kind == "train":
         count = int(random.integers(2, 5))
         pitch = depth * float(random.uniform(0.05, 0.7 / count))
         end = depth - count * pitch if random.random() < 0.5 else -0.05 * depth
-        stages.append({"to": _length(end), "train": count, "pitch": _length(pitch)})
+        stages.append({"depth": _length(end), "seed_count": count, "seed_spacing": _length(pitch)})
     return {"stages": stages}
 
 

@@ -161,11 +161,11 @@ def length(value: float) -> DrawnQuantity:
 def case_data() -> dict[str, Any]:
     """Return the tree of a small case with something of everything in it."""
     return {
-        "schema_version": 1,
+        "schema_version": 2,
         "title": "small",
         "axes": ["y", "z"],
         "mesh": {"size": [length(0.04), length(0.04)], "divisions": [6, 6]},
-        "tissue": {"background": "fat", "plane": "strain"},
+        "tissue": {"default_material": "fat", "plane": "strain"},
         "materials": {
             "fat": {
                 "youngs_modulus": DrawnQuantity(2e4, "pressure"),
@@ -189,9 +189,9 @@ def case_data() -> dict[str, Any]:
                    "lateral_penalty": DrawnQuantity(1e8, "force per volume")},
         "motion": {"direction": [0.1, 1.0], "entry": [length(0.018), length(0.0)],
                    "max_depth": length(0.024), "speed": DrawnQuantity(5e-3, "speed"),
-                   "stages": [{"to": length(0.022)},
-                              {"hold": DrawnQuantity(1.0, "time"), "release": "seed"},
-                              {"to": length(0.01)}]},
+                   "stages": [{"depth": length(0.022)},
+                              {"dwell": DrawnQuantity(1.0, "time"), "release": "seed"},
+                              {"depth": length(0.01)}]},
         "target": {"point": [length(0.02), length(0.015)]},
         "planning": {"offset_range": [length(-3e-3), length(3e-3)], "tolerance": length(1e-6),
                      "max_insertions": 20, "directions": [[0.0, 1.0]]},

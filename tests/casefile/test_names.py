@@ -111,7 +111,7 @@ def test_segments_with_any_name(tmp_path: Path, capsys: pytest.CaptureFixture[st
         for name in data["materials"]
     ]
     rest = ["supports.held.faces=['z_max']", "needle.cutting_force=90 N/m",
-            "needle.shaft_friction=5 kPa", "mesh.interfaces=centroid"]  # fmt: skip
+            "needle.shaft_friction=5 kPa", "mesh.interfaces=by_centroid"]  # fmt: skip
     scene = load_case(case, overrides + rest)
     mesh = build_mesh(scene)
     assert set(mesh.subdomains) == {"background", *scene.regions}

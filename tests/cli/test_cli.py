@@ -258,7 +258,7 @@ def test_plan_without_solution_ends_with_3(capsys: pytest.CaptureFixture[str]) -
 
 
 COARSE = (
-    "--set", "mesh.interfaces=centroid", "--set", "mesh.refine.contour_size=6 mm",
+    "--set", "mesh.interfaces=by_centroid", "--set", "mesh.refine.contour_size=6 mm",
     "--set", "discretization.path_spacing=5 mm",
 )  # fmt: skip
 

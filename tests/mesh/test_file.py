@@ -13,13 +13,13 @@ from needlefem.mesh import box, read_mesh
 from needlefem.scene import BoxMesh, FileMesh, build_mesh, vary
 
 CASE = """
-schema_version = 1
+schema_version = 2
 [mesh]
 file = "{file}"
 unit = "1 mm"
 cell = "{cell}"
 [tissue]
-background = "gel"
+default_material = "gel"
 [materials.gel]
 youngs_modulus = "30 kPa"
 poissons_ratio = 0.45

@@ -125,7 +125,7 @@ def test_contours_that_come_near_are_not_fitted(tmp_path: Path) -> None:
     files = [str(tmp_path / name) for name in ("a.csv", "b.csv")]
     assert main(["new", str(tmp_path / "c"), "--contour", *files]) == 0
     text = (tmp_path / "c" / "case.toml").read_text()
-    assert 'interfaces = "centroid"' in text
+    assert 'interfaces = "by_centroid"' in text
     assert "contours have a distance of 1 mm" in text
 
 
