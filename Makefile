@@ -75,8 +75,8 @@ unit: install
 
 studies: install
 	$(BIN)/needlefem study targets $(PAPER)
-	$(BIN)/needlefem study robust $(PAPER) --on $(RESOLVED)
-	$(BIN)/needlefem study paper $(PAPER) --on $(RESOLVED)
+	$(BIN)/needlefem study robust $(PAPER) --against $(RESOLVED)
+	$(BIN)/needlefem study paper $(PAPER) --against $(RESOLVED)
 	$(BIN)/needlefem study dynamics $(PAPER)
 	$(BIN)/needlefem study energy $(PAPER)
 	$(BIN)/needlefem study energy $(RESOLVED)

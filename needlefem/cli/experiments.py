@@ -154,7 +154,7 @@ def run_study(options: argparse.Namespace) -> int:
     run = study(options.study)
     if options.study not in PAIRED:
         unused = f"study '{options.study}' looks at one case"
-        refuse_unused_options(options, [("on", unused)])
+        refuse_unused_options(options, [("against", unused)])
     scene = load_case(options.case, options.overrides)
     other = load_case(options.against) if options.against else None
     tables = run(scene, other)

@@ -1,4 +1,4 @@
-"""``needlefem verify --element NAME --material NAME``, and ``--integrator NAME``."""
+"""``needlefem check --element NAME --material NAME``, and ``--integrator NAME``."""
 
 import argparse
 import dataclasses

@@ -74,6 +74,14 @@ MOST_EVENTS = 1000
 """Of those that were written already, how many a result keeps."""
 
 
+def longest_travel(scene: Scene) -> float:
+    """Return the largest travel of the needle in a time step, m."""
+    longest, needle = scene.discretization.path_spacing / STEPS_A_PIECE, scene.needle
+    if needle.static_friction_ratio > 1.0 and needle.slip_weakening_distance > 0.0:
+        longest = min(longest, needle.slip_weakening_distance / STEPS_A_PIECE)
+    return longest
+
+
 class InsertionRun:
     """A motion of the needle in one tissue.
 
@@ -220,11 +228,7 @@ class InsertionRun:
         wanted = self.scene.discretization.time_step or np.inf
         if not self.medium.timeless and not np.isfinite(wanted):
             wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
-        longest = spacing / STEPS_A_PIECE
-        needle = self.scene.needle
-        if needle.static_friction_ratio > 1.0 and needle.slip_weakening_distance > 0.0:
-            longest = min(longest, needle.slip_weakening_distance / STEPS_A_PIECE)
-        return wanted, longest
+        return wanted, longest_travel(self.scene)
 
     def _check_steps(self) -> None:
         """Refuse a motion of more steps than the scene's limits allow, before it begins."""

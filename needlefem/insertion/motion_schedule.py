@@ -75,7 +75,7 @@ def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[MotionS
     assert end is not None
     if end > motion.max_depth:
         problem = f"{end:g} m is beyond motion.max_depth, {motion.max_depth:g} m"
-        raise CaseError(f"{key}.to", problem, "choose a smaller depth or raise max_depth")
+        raise CaseError(f"{key}.depth", problem, "choose a smaller depth or raise max_depth")
     if stage.seed_count is None:
         return [MotionStage(depth, end, abs(end - depth) / speed, releases)]
     return _train(stage, depth, end, speed, key)
@@ -86,7 +86,9 @@ def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> li
     count, pitch = stage.seed_count or 0, stage.seed_spacing
     if pitch is None or end >= depth or depth - end < (count - 1) * pitch * (1.0 - EVEN):
         problem = f"no room for {count} seeds on the way from {depth:g} to {end:g} m"
-        raise CaseError(f"{key}.train", problem, "give 'pitch', and retract over all of the train")
+        raise CaseError(
+            f"{key}.seed_count", problem, "give 'seed_spacing', and retract over all of the train"
+        )
     name = stage.release or "seed"
     found = [MotionStage(depth, depth, 0.0, (f"{name} 1",))]
     for number in range(1, count):

@@ -15,7 +15,7 @@ from needlefem.checks.result import CheckResult, refuse_failed
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import ComplianceOperator, Corridor
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.insertion_run import InsertionRun
+from needlefem.insertion.insertion_run import InsertionRun, longest_travel
 from needlefem.insertion.motion_schedule import deepest
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
@@ -181,8 +181,12 @@ class Simulation:
         """Responses of the tissue, shared by all insertions."""
         return responses_of(self.model, expected=self._expected_loads())
 
-    def _expected_loads(self) -> ExpectedLoads | None:
-        """Return where the scene's needles will be, and how many loads they need, if it says so."""
+    def _expected_loads(self, insertions: int | None = None) -> ExpectedLoads | None:
+        """Return where the needles of the scene will be, and the number of loads on one operator.
+
+        None if the scene has no entry. Insertions are those expected of the simulation when left
+        out; where inertia or a memory makes an operator for each length of a step, those of one.
+        """
         scene, needle = self.scene, self.scene.needle
         point = scene.motion.entry or scene.target
         entry = (
@@ -193,8 +197,13 @@ class Simulation:
         aside = max(abs(height) for height in scene.planning.offset_range)
         end = entry.point + deepest(scene.motion) * self.direction
         corridor = Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
+        insertions = self._expected if insertions is None else insertions
+        if self.steps:
+            travel = deepest(scene.motion) * max(len(scene.motion.stages), 1)
+            steps = int(np.ceil(travel / longest_travel(scene)))
+            return ExpectedLoads.of_steps(corridor, steps, insertions)
         segments = int(np.ceil(deepest(scene.motion) / scene.discretization.path_spacing))
-        return ExpectedLoads.of(corridor, segments, self._expected)
+        return ExpectedLoads.of_path(corridor, segments, insertions)
 
     @cached_property
     def cutting_force(self) -> Floats:
@@ -349,11 +358,11 @@ class Simulation:
         if self.scene.discretization.integrator in DYNAMIC:
             from needlefem.insertion.response_in_time import dynamic_response  # noqa: PLC0415
 
-            return dynamic_response(self.scene, self.model, self._expected_loads())
+            return dynamic_response(self.scene, self.model, self._expected_loads(1))
         if self._memory:
             from needlefem.insertion.response_in_time import ViscoelasticResponse  # noqa: PLC0415
 
-            return ViscoelasticResponse(self.model, self._expected_loads())
+            return ViscoelasticResponse(self.model, self._expected_loads(1))
         return ElasticResponse(self.responses)
 
     def _run(self, course: InsertionRun, stop: Stop | None) -> Insertion:

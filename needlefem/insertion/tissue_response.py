@@ -29,6 +29,8 @@ TOUCHED = 0.5
 FIRST, NEXT = 16, 5
 """Loads for each segment of the path, of a first insertion and of one that starts from another's
 solution: 16 to 20 and 4 to 7 in four meshes."""
+EACH_STEP = 40
+"""Loads of a time step: 35 to 45 in three scenes with stick-slip friction."""
 DENSE = 1_000.0
 """Operations of a matrix product that take as long as a back-substitution takes for one unknown."""
 
@@ -47,9 +49,14 @@ class ExpectedLoads(NamedTuple):
     loads: int
 
     @classmethod
-    def of(cls, corridor: Corridor, segments: int, insertions: int) -> "ExpectedLoads":
-        """Return what a number of insertions needs that have so many path segments each."""
+    def of_path(cls, corridor: Corridor, segments: int, insertions: int) -> "ExpectedLoads":
+        """Return the loads of insertions by path following, with so many segments each."""
         return cls(corridor, segments * (FIRST + NEXT * (insertions - 1)))
+
+    @classmethod
+    def of_steps(cls, corridor: Corridor, steps: int, insertions: int) -> "ExpectedLoads":
+        """Return the loads of insertions by time stepping, with so many steps each."""
+        return cls(corridor, EACH_STEP * steps * insertions)
 
 
 def responses_of(

@@ -233,7 +233,7 @@ shaft_friction = "{OPEN}"           # such as "25 kPa\""""
 def planning_text(sideways: float) -> str:
     """Return the [planning] table for lateral offsets up to a distance from the target, m."""
     ends = listed(millimetres(x) for x in (-sideways, sideways))
-    return f"[planning]\nheight_range = {ends}"
+    return f"[planning]\noffset_range = {ends}"
 
 
 def _motion(draft: Draft) -> str:

@@ -47,7 +47,7 @@ def check_scene(scene: Scene) -> None:
         counts["targets.count"] = scene.targets.count
     for number, stage in enumerate(scene.motion.stages):
         if stage.seed_count is not None:
-            counts[f"motion.stages[{number}].train"] = stage.seed_count
+            counts[f"motion.stages[{number}].seed_count"] = stage.seed_count
     for key, count in counts.items():
         check_count(count, key, limits, least=0)
     spacing = scene.discretization.path_spacing

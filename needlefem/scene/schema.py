@@ -167,12 +167,14 @@ class Stage(Validated):
         """See `Validated`."""
         key = self.TABLE
         if (self.depth is None) == (self.dwell is None):
-            raise CaseError(key, "needs either 'to' or 'hold'", "give a depth or a duration")
-        for name in ("speed", "train", "pitch") if self.dwell is not None else ():
+            raise CaseError(key, "needs either 'depth' or 'dwell'", "give a depth or a duration")
+        for name in ("speed", "seed_count", "seed_spacing") if self.dwell is not None else ():
             if getattr(self, name) is not None:
                 raise CaseError(f"{key}.{name}", "the needle rests in this stage", "leave it out")
         if self.seed_spacing is not None and self.seed_count is None:
-            raise CaseError(f"{key}.pitch", "is not used without 'train'", "give both or none")
+            raise CaseError(
+                f"{key}.seed_spacing", "is not used without 'seed_count'", "give both or none"
+            )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

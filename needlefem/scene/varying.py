@@ -13,7 +13,7 @@ from needlefem.validation import dotted, made
 
 ALIASES = {key: name for name, key in KEYS.items()} | {"background": "default_material"}
 """Keys of a case file, or of version 1, for fields of a scene."""
-SPELLINGS = {"discretization": "discretization"}
+SPELLINGS = {"discretisation": "discretization"}
 """Sections in another spelling."""
 _KEPT = object()
 

@@ -246,7 +246,9 @@ def draw_motion(
     if kind == "release":
         rest = duration * float(random.uniform(0.02, 1.0))
         stages.append({"dwell": DrawnQuantity(rest, "time"), "release": "seed"})
-        stages.append({"depth": _length(random.choice([-0.05, 0.0, random.uniform(0, 0.8)]) * depth)})
+        stages.append(
+            {"depth": _length(random.choice([-0.05, 0.0, random.uniform(0, 0.8)]) * depth)}
+        )
     elif kind == "out and in":
         stages.append({"depth": _length(-random.uniform(0.02, 0.2) * depth)})
         stages.append({"depth": _length(random.uniform(0.4, 1.0) * depth)})

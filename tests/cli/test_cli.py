@@ -192,7 +192,10 @@ def test_expectations_of_another_case_are_not_compared(
         (("plan", CASE, "--set", "outputs.folder=there"), "are written to --out DIR"),
         (("modes", CASE, "--set", "outputs.folder=there"), "are written to --out DIR"),
         (("plan", CASE, "--set", "planning.directions=[[0.1, 1.0]]"), "no obstacle makes a plan"),
-        (("study", "energy", CASE, "--on", CASE), "--on: would be ignored: study 'energy'"),
+        (
+            ("study", "energy", CASE, "--against", CASE),
+            "--against: would be ignored: study 'energy'",
+        ),
         (("verify", "patch_test", "--element", "P1"), "patch_test: would be ignored"),
         (("verify", "--element", "P1", "--quick"), "--quick: would be ignored"),
         (("verify", "--plane", "stress", "patch_test"), "--plane: would be ignored"),

@@ -39,7 +39,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes to the scene, by name."""
     radius = scene.needle.tip_radius
-    default_material = field_of(scene, f"materials.{scene.default_material}.youngs_modulus")
+    background = field_of(scene, f"materials.{scene.default_material}.youngs_modulus")
     stiff = next(region.material for region in scene.regions.values())
     found: dict[str, dict[str, Any]] = {
         "as it is": {},
