@@ -18,12 +18,7 @@ def describe_commands() -> str:
     listed = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
     parts = []
     for name, sub in listed.choices.items():
-<<<<<<< HEAD
         rows = [_row(action) for action in sub._actions if _shown(action)]
-=======
-        rows = [_row(action) for action in sub._actions
-                if action.dest not in SHARED and action.help != argparse.SUPPRESS]  # fmt: skip
->>>>>>> d1bd434 (Commands check and upgrade, options in the field's words, pages and tables of schema version 2; loads expected of time stepping)
         head = ["| argument | meaning | default |", "|---|---|---|"]
         table = ["", *head, *rows] if rows else []
         sentence = COMMANDS[name][0].upper() + COMMANDS[name][1:] + "."

@@ -50,15 +50,9 @@ _ENERGY = {
     ("energy", "given"): "largest_energy_gain",
 }
 _EVIDENCE = _ENERGY | {
-<<<<<<< HEAD
-    ("discretization",): "discretization",
-    ("discretization", "kernel_points"): "tip_quadrature_points",
-    ("validity", "inverted_cells"): "inverted_cells",
-=======
     ("discretisation",): "discretization",
     ("discretization", "kernel_points"): "tip_quadrature_points",
     ("validity", "folded_cells"): "inverted_cells",
->>>>>>> d1bd434 (Commands check and upgrade, options in the field's words, pages and tables of schema version 2; loads expected of time stepping)
     ("snaps",): "ruptures",
 }
 RESULT_KEYS: Mapping[str, Mapping[Path, str]] = {
