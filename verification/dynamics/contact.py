@@ -1,4 +1,4 @@
-"""D5, D6 with contact: what friction holds is held, no energy is made, nothing rings or drifts."""
+"""Dynamics with friction contact: sticking, energy balance, oscillations, drift."""
 
 import numpy as np
 from scipy.sparse import diags_array
@@ -15,10 +15,10 @@ from needlefem.dynamics import (
 from verification.support.friction_system import END, MEAN, FrictionState, FrictionSystem
 
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
-"""Error of the end of a bar fixed at the other, of `critical_step`."""
+"""Error at the end of a bar that is fixed at the other end, from `critical_step`."""
 CELLS = 10
 RATIO, LENGTH = 1.5, 2e-3
-"""Static over kinetic friction, and slip over which it weakens."""
+"""Ratio of static to kinetic friction, and slip-weakening distance."""
 
 
 def bar(cells: int) -> MatrixSystem:
@@ -31,7 +31,7 @@ def bar(cells: int) -> MatrixSystem:
 
 
 def pulled(cells: int, limit: float) -> tuple[FrictionSystem, list[FrictionState]]:
-    """Return a bar held by friction at one end, pulled by a unit force at the other from 0 on."""
+    """Return a bar with friction at one end and a unit force at the other from time 0."""
     still, step = np.zeros(cells + 1), 0.5 / cells
     force = np.append(still[1:], 1.0)
     held = FrictionSystem(
@@ -47,7 +47,7 @@ def pulled(cells: int, limit: float) -> tuple[FrictionSystem, list[FrictionState
 
 
 def wave(cells: int) -> tuple[float, float, float]:
-    """Return rms error of the end, mean multiplier at the held one, and how far that moves."""
+    """Return the rms error of the end, the mean multiplier, the displacement of the stuck end."""
     _, states = pulled(cells, 10.0)
     times = np.array([state.time for state in states[1:]])
     ends = np.array([state.motion.u[[0, -1]] for state in states[1:]])
@@ -58,7 +58,7 @@ def wave(cells: int) -> tuple[float, float, float]:
 
 
 def pushed(steps: int, weights: AlphaParameters) -> float:
-    """Return what is missing, over the work, for a mass that is pushed on a rough floor."""
+    """Return the energy residual, relative to the work, of a mass pushed over a rough floor."""
     one = np.ones((1, 1))
     mass = FrictionSystem(MatrixSystem(one, one), one, 0.4, SlipWeakeningFriction(), speed=0.0,
                    load=lambda time: np.array([np.sin(0.9 * time)]), weights=weights)  # fmt: skip
@@ -67,9 +67,9 @@ def pushed(steps: int, weights: AlphaParameters) -> float:
 
 
 def caught(integrator: Newmark | GeneralizedAlpha, steps: int) -> tuple[float, float]:
-    """Return velocity and acceleration left in a point that is caught, bound by displacement.
+    """Return velocity and acceleration that remain in a point whose displacement is prescribed.
 
-    It rests, and from now on goes with what moves at unit speed; both over their first values.
+    The point is at rest and then moves at unit speed; both values are relative to the first ones.
     """
     one = np.ones((1, 1))
     stepper = integrator.stepper(MatrixSystem(one, one), 1e-2)
@@ -81,7 +81,7 @@ def caught(integrator: Newmark | GeneralizedAlpha, steps: int) -> tuple[float, f
 
 
 def caught_by_velocity(steps: int) -> float:
-    """Return the velocity left in a point that slid and sticks, against that of what moves."""
+    """Return the remaining velocity of a sliding point that begins to stick, by its velocity."""
     one = np.ones((1, 1))
     mass = FrictionSystem(MatrixSystem(one, one), one, 1e3, SlipWeakeningFriction(), speed=1.0)
     found = mass.last(mass.start(np.zeros(1), np.zeros(1)), 1e-2, steps)
@@ -89,10 +89,10 @@ def caught_by_velocity(steps: int) -> float:
 
 
 def cycles(count: int, steps: int) -> tuple[float, float, float]:
-    """Return drift, growth of energy, and what is missing, of a rubbed bar in many steps.
+    """Return drift, growth of energy and energy residual of a bar under friction in many steps.
 
-    What rubs goes forth, rests and comes back and rests, `steps` steps each. Drift is the change
-    of the bar's mean displacement from the last cycle but one to the last, over its largest.
+    The counterpart moves forwards, rests, moves back and rests, `steps` steps each. Drift is the
+    change of the bar's mean displacement over the last cycle, relative to its largest value.
     """
     system, still = bar(CELLS), np.zeros(CELLS + 1)
     tether = system.stiffness + diags_array([1.0, *still[1:]])
@@ -119,7 +119,7 @@ def cycles(count: int, steps: int) -> tuple[float, float, float]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Hold a bar by friction, push a mass, catch a point, rub for very long."""
+    """Run a bar with friction at one end, a mass, a point that begins to stick, and many cycles."""
     answers = []
     for cells, rms in RMS.items():
         if quick and cells > 80:
@@ -151,7 +151,7 @@ def run(quick: bool) -> ProblemResult:
 
 
 def end_force_answers() -> list[Quantity]:
-    """Push a mass with the friction of each step's end: the error falls with the step squared."""
+    """Use the friction at the end of each step: the error decreases with the square of the step."""
     coarse, fine = (pushed(n, END) for n in (2000, 16000))
     return [
         Quantity(label="friction, force at the end, 16000 steps: missing", value=fine,
@@ -162,7 +162,7 @@ def end_force_answers() -> list[Quantity]:
 
 
 def ringing_answers() -> list[Quantity]:
-    """Show that average acceleration rings where displacement is bound, and what does not."""
+    """Show oscillations of the average acceleration under a prescribed displacement."""
     average, damped = caught(Newmark(), 1000), caught(GeneralizedAlpha(rho_inf=0.8), 200)
     return [
         Quantity(label="caught by displacement, average acceleration: velocity left",
@@ -177,7 +177,7 @@ def ringing_answers() -> list[Quantity]:
 
 
 def long_answers() -> list[Quantity]:
-    """Rub for 1e5 steps: shakedown takes some hundred cycles."""
+    """Run 1e5 steps of stick and slip; some hundred cycles are needed for shakedown."""
     drift, growth, missing = cycles(500, 50)
     label = "1e5 steps of stick-slip and rest"
     return [
@@ -190,12 +190,12 @@ def long_answers() -> list[Quantity]:
 
 PROBLEM = Problem(
     name="dynamics with contact",
-    requirement="What friction holds moves as if it were fixed, its force is the multiplier; no "
-    "energy is missing where it slides; a caught point does not ring; nothing drifts.",
+    requirement="Points that stick by friction move like fixed points, and the friction force "
+    "equals the multiplier. The energy balance of sliding points has no residual. A point that "
+    "begins to stick does not oscillate. The motion does not drift.",
     reference="exact: J. le Rond d'Alembert 1747; the same bar without contact; first law; "
-    "eigenvalues of bound motion",
-    tolerance_rationale="two digits of another code; round-off with mean forces, second order "
-    "with forces of the "
-    "step's end",
+    "eigenvalues of motion under a constraint",
+    tolerance_rationale="two digits of another program; round-off with mean forces, second order "
+    "with the forces at the end of the step",
     run=run,
 )

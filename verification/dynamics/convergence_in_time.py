@@ -1,4 +1,4 @@
-"""D7: a free square that vibrates, and a held one that is pushed slowly, by every integrator."""
+"""Convergence in time: free vibration of a square, and a supported square under a slow load."""
 
 from collections.abc import Callable
 from functools import cache
@@ -38,9 +38,9 @@ LAW = Isotropic(youngs_modulus=2.6, poissons_ratio=0.3, density=1.0)
 OMEGA = np.sqrt(2.0) * np.pi
 """Angular frequency of the free square's first Lame mode (G. Lame 1852)."""
 CYCLES = 1.125
-"""Periods of the vibration: at its end an error of phase shows in the displacement."""
+"""Number of periods; after many periods an error of the phase appears in the displacement."""
 SLOW = 0.05
-"""Angular frequency of the push; the lowest of the held square is some 1.3."""
+"""Angular frequency of the load; the lowest one of the supported square is about 1.3."""
 DAMPING = Damping(mass_rate=0.02, stiffness_time=0.005)
 LIMITS = {1: 4e-2, 2: 3e-3}
 """Largest error of the vibration by degree, on 32 and on 16 divisions."""
@@ -64,9 +64,9 @@ def lame(points: np.ndarray) -> np.ndarray:
 def vibration(
     name: str, lumping: str | None, integrator: Integrator, divisions: int, steps: int
 ) -> tuple[int, float]:
-    """Let go of the free square in Lame's mode; return unknowns and relative error at the end.
+    """Release the free square in Lame's mode; return unknowns and relative error at the end.
 
-    `steps` a period, more where the integrator demands them.
+    `steps` is the number per period; it is larger where the integrator requires it.
     """
     element = CATALOGUE[name]
     system = TissueSystem(tissue(square_mesh(element, divisions), element, LAW), lumping=lumping)
@@ -83,14 +83,14 @@ def vibration(
 
 
 def pushed_square(lumping: str | None) -> tuple[TissueSystem, np.ndarray]:
-    """Return a square held on one side and a force that shears the opposite one."""
+    """Return a square that is fixed on one side, and a force that shears the opposite side."""
     system = TissueSystem(rectangle(CATALOGUE["Q2"], LAW, 12), DAMPING, lumping)
     return system, system.traction("y_max", lambda p: np.tile([0.3, 1.0], (len(p), 1)))
 
 
 @cache
 def steady(lumping: str | None) -> np.ndarray:
-    """Return the complex amplitude under the slow push, solved for without time."""
+    """Return the complex amplitude under the slow load, computed without time steps."""
     system, force = pushed_square(lumping)
     stiffness = system.model.free_block(system.model.stiffness.matrix.tocsr())
     drag = DAMPING.mass_rate * system.mass + DAMPING.stiffness_time * stiffness
@@ -99,7 +99,7 @@ def steady(lumping: str | None) -> np.ndarray:
 
 
 def slow_push(lumping: str | None, integrator: Integrator, steps: int) -> tuple[int, float]:
-    """Follow the slow push through a period from its steady motion; return unknowns and error."""
+    """Follow the slow load over one period of steady motion; return unknowns and error."""
     system, force = pushed_square(lumping)
     amplitude = steady(lumping)
     duration, count = 2.0 * np.pi / SLOW, steps
@@ -120,7 +120,7 @@ def slow_push(lumping: str | None, integrator: Integrator, steps: int) -> tuple[
 
 
 def orders(quick: bool) -> list[Quantity]:
-    """Halve cells and steps together."""
+    """Halve element size and time step together."""
     answers = []
     for name, element in CATALOGUE.items():
         if quick and element.degree > 1:
@@ -142,7 +142,7 @@ def orders(quick: bool) -> list[Quantity]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare both motions with their exact ones."""
+    """Compare both motions with the exact ones."""
     answers = orders(quick)
     for name, (integrator, lumped) in CHOICES.items():
         if isinstance(integrator, CentralDifference) and quick:
@@ -195,12 +195,11 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="square in time",
-    requirement="A free square vibrates as Lame's mode does, in space and time; one that is held "
-    "follows a slow push.",
-    reference="exact: G. Lame 1852; the push by its complex amplitude, without any steps",
-    tolerance_rationale="second order in the step, and in the size of linear elements; the push "
-    "with 100 steps a "
-    "period; without inertia what is missing is (w / w1)^2",
+    requirement="A free square vibrates in Lame's mode, in space and in time. A supported square "
+    "follows a slow load.",
+    reference="exact: G. Lame 1852; the slow load by its complex amplitude, without time steps",
+    tolerance_rationale="second order in the time step and in the size of linear elements; slow "
+    "load with 100 steps per period; the error without inertia is (w / w1)^2",
     run=run,
     races=RACES,
 )

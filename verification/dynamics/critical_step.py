@@ -1,4 +1,4 @@
-"""D4 and D5: central differences at their limit, and a wave in a bar through every integrator."""
+"""Central differences at the critical step, and a wave in a bar by all integrators."""
 
 from collections.abc import Callable
 
@@ -36,9 +36,9 @@ from needlefem.materials import Isotropic
 
 CELLS = 20
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
-"""Error of the end under average acceleration, two digits, by number of elements."""
+"""Error of the end with the average acceleration, two digits, by number of elements."""
 RINGING = 2.59
-"""Largest force at the fixed end under average acceleration, within 0.03; 2 is exact."""
+"""Largest force at the fixed end with the average acceleration, within 0.03; exact: 2."""
 IN_A_BAR: dict[str, Integrator] = {
     "Newmark": Newmark(),
     "HHT -0.05": HHT(alpha=-0.05),
@@ -62,7 +62,7 @@ def bar(cells: int, *, lumped: bool = True) -> MatrixSystem:
 
 
 def grown(system: System, share: float, steps: int = 5000) -> float:
-    """Return how much a random motion grows at most over steps of a share of the limit."""
+    """Return the largest growth of a random motion over steps of a share of the critical step."""
     stepper = CentralDifference(refuse_unstable=False).stepper(
         system, share * critical_step(system)
     )
@@ -77,9 +77,9 @@ def grown(system: System, share: float, steps: int = 5000) -> float:
 def impact(
     integrator: Integrator, system: MatrixSystem, share: float, duration: float
 ) -> tuple[float, float]:
-    """Return the rms error of the loaded end and the largest force at the fixed one.
+    """Return the rms error of the loaded end and the largest force at the fixed end.
 
-    A unit force pulls from time 0; the step is a share of a wave's time through a cell.
+    A unit force acts from time 0; the step is a share of the time of a wave through one cell.
     """
     cells = system.size
     step = share / cells
@@ -92,13 +92,13 @@ def impact(
         iterate(stepper, motion, constant(force), count), lambda m: np.array([m.u[-1], m.u[0]])
     )
     times = step * np.arange(1, count + 1)
-    exact = 2.0 - np.abs(times % 4.0 - 2.0)  # d'Alembert's: a triangle from 0 to 2 and back
+    exact = 2.0 - np.abs(times % 4.0 - 2.0)  # d'Alembert: a triangle from 0 to 2 and back
     rms = float(np.sqrt(np.mean((found[:, 0] - exact) ** 2)))
     return rms, float(np.abs(found[:, 1]).max() * cells)
 
 
 def refused() -> float:
-    """Return whether a step above the limit is refused."""
+    """Return 1 if a step above the critical one is refused, else 0."""
     system = bar(CELLS)
     try:
         CentralDifference().stepper(system, 1.001 * critical_step(system))
@@ -108,7 +108,7 @@ def refused() -> float:
 
 
 def limits() -> list[Quantity]:
-    """Take a bar to the limit and beyond."""
+    """Test a bar at and above the critical step."""
     exact = 1.0 / CELLS / np.sin(0.5 * np.pi * (1.0 - 0.5 / CELLS))
     system = bar(CELLS)
     at_limit, later = grown(system, 1.0), grown(system, 1.0, 10_000)
@@ -128,7 +128,7 @@ def limits() -> list[Quantity]:
 
 
 def of_tissues(quick: bool) -> list[Quantity]:
-    """Take tissues of every element and kind of mass to just below and above their limits."""
+    """Test tissues of each element and mass matrix just below and above the critical step."""
     answers = []
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
     for name, element in CATALOGUE.items():
@@ -145,7 +145,7 @@ def of_tissues(quick: bool) -> list[Quantity]:
 
 
 def waves() -> list[Quantity]:
-    """Send a wave through the bar by every integrator and kind of mass."""
+    """Compute a wave in the bar with each integrator and mass matrix."""
     exact = impact(CentralDifference(), bar(CELLS), 1.0, 20.0)[0]
     answers = [Quantity(label="central difference: end of the bar, 20 transits", value=exact,
                       tolerance=1e-12, recorded=False)]  # fmt: skip
@@ -173,7 +173,7 @@ def waves() -> list[Quantity]:
 
 
 def damped_and_still() -> list[Quantity]:
-    """Damp the ringing by the integrator; leave inertia out."""
+    """Damp the oscillations by the integrator; compute the bar without inertia."""
     answers = []
     loudest = impact(Newmark(), bar(80, lumped=False), 0.5, 8.0)[1]
     for name in ("HHT -0.3", "generalised-alpha 0.5"):
@@ -190,7 +190,7 @@ def damped_and_still() -> list[Quantity]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Go to the limit and beyond, then send a wave through the bar."""
+    """Test the critical step, and compute a wave in the bar."""
     return ProblemResult(quantities=[*limits(), *of_tissues(quick), *waves(), *damped_and_still()])
 
 
@@ -206,14 +206,14 @@ CHOICES: dict[str, tuple[Integrator, bool]] = {
 
 
 def racing(integrator: Integrator, lumped: bool) -> Callable[[int], tuple[int, float]]:
-    """Return an entrant: explicit ones at their limit, others with half a cell a step."""
+    """Return an entrant; explicit ones use the critical step, others half a cell per step."""
 
     def go(level: int) -> tuple[int, float]:
         system = bar(20 * 2**level, lumped=lumped)
         share = 0.5
         if isinstance(integrator, CentralDifference):
             share = system.size * critical_step(system)
-            share = 1.0 / np.ceil(1.0 / min(share, 1.0) - 1e-9)  # a whole number of steps
+            share = 1.0 / np.ceil(1.0 / min(share, 1.0) - 1e-9)  # an integer number of steps
         return system.size, impact(integrator, system, share, 4.0)[0]
 
     return go
@@ -235,14 +235,15 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="bar and critical step",
-    requirement="Explicit integration is exact at its limit in a bar, grows with time there and "
-    "without bound above it, and such a step is refused; other integration of a wave rings, and "
-    "numerical damping quietens it; without inertia there is no wave.",
-    reference="exact: J. le Rond d'Alembert 1747; rms and ringing of average acceleration by "
-    "another code (consistent mass, half a cell a step, two periods)",
-    tolerance_rationale="round-off; two digits of another code; ringing (Gibbs) does not go away "
-    "with cells; a "
-    "wave front costs all integrators the order 2: here errors fall with the cells",
+    requirement="At the critical step, explicit integration of a bar is exact and round-off grows "
+    "linearly; above it the growth is unbounded, and such a step is refused. Other integrators "
+    "oscillate at a wave front, and numerical damping reduces the oscillations. Without inertia "
+    "there is no wave.",
+    reference="exact: J. le Rond d'Alembert 1747; rms error and oscillation of the average "
+    "acceleration by another program (consistent mass, half a cell per step, two periods)",
+    tolerance_rationale="round-off; two digits of another program; the overshoot (Gibbs) does not "
+    "decrease with the number of cells; a wave front reduces the order of all integrators: here "
+    "errors decrease with the size of the cells",
     run=run,
     races=RACES,
 )

@@ -1,4 +1,4 @@
-"""D2: average acceleration keeps the energy of a free tissue."""
+"""The average acceleration conserves the energy of a free vibration."""
 
 from needlefem.checks import (
     Problem,
@@ -14,13 +14,13 @@ from needlefem.materials import Isotropic
 STEPS = 100_000
 QUICK_STEPS = 10_000
 STRESSES = (("P2", 0.4999, 0.05), ("P2-P1", 0.4999, 0.05), ("P2", 0.3, 5.0))
-"""Element, Poisson's ratio, step over the longest period: where round-off is largest."""
+"""Element, Poisson's ratio, step over the longest period: the combinations with most round-off."""
 
 
 def drift(
     name: str, ratio: float, share: float, lumping: str | None = None, steps: int = STEPS
 ) -> Quantity:
-    """Let a held square vibrate for many steps of a share of its longest period."""
+    """Return the drift of energy of a supported square in many steps of a share of its period."""
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio, density=1.0)
     model = rectangle(CATALOGUE[name], law, 4)
     period = 6.283185307179586 / eigenfrequencies(model, 1)[0]
@@ -32,7 +32,7 @@ def drift(
 
 
 def run(quick: bool) -> ProblemResult:
-    """Vibrate by every element, by consistent and by lumped mass, then under stress."""
+    """Run free vibrations of each element with consistent and lumped mass, then under stress."""
     answers = [drift(name, 0.3, 0.05, steps=QUICK_STEPS) for name in ("P1", "P2")]
     if quick:
         return ProblemResult(quantities=answers)

@@ -1,4 +1,4 @@
-"""D6: the energy of forced motion is accounted for, with viscous damping and with dry friction."""
+"""Energy balance of forced motion with viscous damping and dry friction."""
 
 import numpy as np
 
@@ -29,9 +29,9 @@ INTEGRATORS: dict[str, Integrator] = {
 def forced(
     name: str, lumping: str | None, integrator: Integrator, share: float
 ) -> TissueEnergyBalance:
-    """Return the ledger of 500 steps of a share of the longest period under a moving load.
+    """Return the energy balance of 500 steps of a share of the longest period under a load.
 
-    The step of an explicit integrator is 0.9 of its limit.
+    The step of an explicit integrator is 0.9 of the critical step.
     """
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
     model = rectangle(CATALOGUE[name], law, 4)
@@ -53,17 +53,17 @@ def forced(
 
 
 def with_friction(steps: int, *, mean: bool) -> float:
-    """Return what is missing, over the work, for a mass that is pushed on a rough floor.
+    """Return the energy residual, relative to the work, of a mass pushed over a rough floor.
 
-    Friction is found at every step's end: as much as stops the mass, up to its limit. What it
-    takes is its force at the step's end times the slip, or the mean of both ends' forces.
+    The friction at the end of each step stops the mass, up to its limit. The dissipation is the
+    force at the end of the step times the slip, or the mean of both ends' forces times the slip.
     """
     one, limit, step = np.ones((1, 1)), 0.4, 20.0 / steps
     stepper = Newmark().stepper(MatrixSystem(one, one), step)
     motion, friction = stepper.at_rest(), np.zeros(1)
     taken = work = 0.0
     gentle = stepper.factor.solve(np.ones(1))[0]
-    rate = 2.0 * gentle / step  # velocity at the step's end by a unit force
+    rate = 2.0 * gentle / step  # velocity at the end of the step due to a unit force
     for number in range(1, steps + 1):
         before, after = (np.array([np.sin(0.9 * step * n)]) for n in (number - 1, number))
         free = stepper.advance(motion, stepper.free_motion(motion, after))
@@ -78,7 +78,7 @@ def with_friction(steps: int, *, mean: bool) -> float:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Close the ledgers."""
+    """Compute the energy balances."""
     answers = []
     for name, element in CATALOGUE.items():
         for lumping in (None, *element.lumpings):
@@ -117,10 +117,11 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="energy balance",
-    requirement="The work of all forces is what motion, strain, damping and friction took.",
-    reference="exact: first law, discrete for average acceleration with mean forces "
+    requirement="The work of all forces equals the sum of kinetic energy, strain energy, damping "
+    "and friction work.",
+    reference="exact: first law, discrete for the average acceleration with mean forces "
     "(T. Belytschko, D. F. Schoeberle 1975)",
-    tolerance_rationale="round-off; friction taken at the step's end leaves an error that falls "
-    "with the step",
+    tolerance_rationale="round-off; friction at the end of the step causes an error that "
+    "decreases with the step",
     run=run,
 )

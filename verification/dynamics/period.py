@@ -1,4 +1,4 @@
-"""D1: integrators lengthen or shorten the period, and keep the amplitude or damp it."""
+"""Period and amplitude errors of the integrators."""
 
 import numpy as np
 
@@ -23,11 +23,11 @@ FAMILY = {
     "generalised-alpha 0.8": (GeneralizedAlpha(rho_inf=0.8), (1 / 3, 4 / 9, 25 / 81, 11 / 18)),
     "generalised-alpha 0.5": (GeneralizedAlpha(rho_inf=0.5), (0.0, 1 / 3, 4 / 9, 5 / 6)),
 }
-"""With alpha_m, alpha_f, beta, gamma as their authors give them."""
+"""alpha_m, alpha_f, beta, gamma as published by the authors of each method."""
 
 
 def periods() -> list[Quantity]:
-    """Compare the periods of the whole family with the roots of its cubic."""
+    """Compare the periods of the alpha family with the roots of its characteristic polynomial."""
     return [
         Quantity(label=f"{name}, dt/T {share}: period",
                value=1.0 + period_error(integrator, 2.0 * np.pi * share),
@@ -37,7 +37,7 @@ def periods() -> list[Quantity]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare periods with the formulas, and count orders."""
+    """Compare periods with formulas, and compute orders of convergence."""
     answers = periods()
     formulas = {"Newmark": np.arctan, "central difference": np.arcsin}
     for name, inverse in formulas.items():
@@ -66,7 +66,7 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="period",
-    requirement="Free motion has the period that the integrator's formula gives; errors fall with "
+    requirement="A free vibration has the period of the integrator's formula; errors decrease with "
     "the square of the step.",
     reference="exact: (O/2) / atan(O/2) for average acceleration, (O/2) / asin(O/2) for central "
     "differences, O = w dt; T. J. R. Hughes 2000; others by the roots of their characteristic "

@@ -1,4 +1,4 @@
-"""D3: what the step can't follow is damped as designed."""
+"""Numerical damping of frequencies that the step does not resolve."""
 
 from needlefem.checks import Problem, ProblemResult, Quantity, spectral_radius
 from needlefem.dynamics import HHT, GeneralizedAlpha, Integrator, Newmark
@@ -15,7 +15,7 @@ ALPHA_RADII = {
 """Spectral radius at w dt = 1 and 10 by alpha, and by rho_inf."""
 FAR = 1e6
 STEPS = (0.1, 1.0, 3.0, 10.0, 100.0)
-"""Products w dt at which the formula is compared."""
+"""Products w dt for the comparison with the formula."""
 FAMILY: dict[str, tuple[Integrator, tuple[float, ...]]] = {
     "Newmark": (Newmark(), (0.0, 0.0, 0.25, 0.5)),
     "Newmark 0.5, 0.5": (Newmark(beta=0.5), (0.0, 0.0, 0.5, 0.5)),
@@ -25,11 +25,11 @@ FAMILY: dict[str, tuple[Integrator, tuple[float, ...]]] = {
     "generalised-alpha 0.8": (GeneralizedAlpha(rho_inf=0.8), (1 / 3, 4 / 9, 25 / 81, 11 / 18)),
     "generalised-alpha 0": (GeneralizedAlpha(rho_inf=0.0), (-1.0, 0.0, 1.0, 1.5)),
 }
-"""With alpha_m, alpha_f, beta, gamma as their authors give them."""
+"""alpha_m, alpha_f, beta, gamma as published by the authors of each method."""
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare radii at moderate steps with the tables, at a huge one with the design."""
+    """Compare radii at moderate steps with tables, and at a large step with the design value."""
     answers = []
     for alpha, radii in HHT_RADII.items():
         integrator = HHT(alpha=alpha)
@@ -62,12 +62,11 @@ def _compare(
 
 PROBLEM = Problem(
     name="spectral radius",
-    requirement="Integrators with numerical damping damp what the step can't follow, by as much as "
-    "their parameter says, and slow motion hardly.",
+    requirement="Integrators with numerical damping reduce frequencies that the step does not "
+    "resolve by the factor of their parameter, and low frequencies only slightly.",
     reference="H. M. Hilber, T. J. R. Hughes, R. L. Taylor 1977; J. Chung, G. M. Hulbert 1993; the "
     "roots of the characteristic polynomial",
     tolerance_rationale="the last digit given; 1e-8 of the formula; at w dt = 1e6 coinciding "
-    "eigenvalues are still "
-    "up to 1e-4 from their limit",
+    "eigenvalues still differ by up to 1e-4 from their limit",
     run=run,
 )

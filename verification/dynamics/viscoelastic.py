@@ -1,4 +1,4 @@
-"""Viscoelastic tissue: relaxation, creep, loss factor, free decay, and the energy that is lost."""
+"""Viscoelastic tissue: relaxation, creep, loss factor, free decay, energy balance."""
 
 import numpy as np
 from scipy.sparse import block_array
@@ -27,7 +27,7 @@ from needlefem.scene import Support
 
 SHARES, TIMES = (0.3, 0.2), (0.2, 3.0)
 FREQUENCY = 0.4
-"""Of the load that vibrates, Hz: between the two branches."""
+"""Frequency of the load, Hz, between those of the two branches."""
 
 
 def tissue_of(ratio: float, **constants: object) -> Viscoelastic:
@@ -37,7 +37,7 @@ def tissue_of(ratio: float, **constants: object) -> Viscoelastic:
 
 
 def pulled(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
-    """Return a square that slides on two sides, and a load that pulls a third evenly."""
+    """Return a square with two sliding sides, and a uniform load on a third side."""
     supports = {
         "back": Support(faces=("y_min",), fixed=("y",)),
         "below": Support(faces=("z_min",), fixed=("z",)),
@@ -49,7 +49,7 @@ def pulled(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
 
 
 def sheared(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
-    """Return a square held on one side, and a load that shears the opposite one."""
+    """Return a square that is fixed on one side, and a load that shears the opposite side."""
     model = rectangle(CATALOGUE[name], law, 4)
     force = np.zeros(model.ndofs)
     force[model.dofs_on(model.mesh.boundaries["y_max"], [1])] = 1.0
@@ -57,7 +57,7 @@ def sheared(name: str, law: Viscoelastic) -> tuple[TissueModel, Floats]:
 
 
 def of_the_law() -> list[Quantity]:
-    """Shear a material point evenly, in steps as long as its memory, and hold it."""
+    """Shear a material point, in steps as long as its relaxation times, and keep its strain."""
     law, rate, duration = tissue_of(0.3), 0.01, 1.0
     direction = np.zeros((3, 3))
     direction[0, 1] = 1.0
@@ -82,7 +82,7 @@ def of_the_law() -> list[Quantity]:
 
 
 def relaxation() -> list[Quantity]:
-    """Move a side at once and hold it: the force falls as the shear modulus does."""
+    """Displace a side suddenly: the force decreases like the relaxation modulus."""
     law = tissue_of(0.5)
     model, along = pulled("P2-P1", law)
     stepper = QuasiStatic().stepper(TissueSystem(model), 0.25)
@@ -100,7 +100,7 @@ def relaxation() -> list[Quantity]:
 
 
 def creep_error(steps: int) -> float:
-    """Return the relative error of the displacement 2 s after a load came, with one branch."""
+    """Return the relative error of the displacement 2 s after a sudden load, with one branch."""
     law = tissue_of(0.5, shares=(0.4,), times=(1.0,))
     model, force = pulled("P2-P1", law)
     system = TissueSystem(model)
@@ -114,12 +114,12 @@ def creep_error(steps: int) -> float:
 
 
 def loss(name: str, per_period: int) -> list[Quantity]:
-    """Compare the amplitude under a vibrating load, stepped in time, with the complex problem's."""
+    """Compare the amplitude under a harmonic load in time with that of the complex problem."""
     law = tissue_of(0.3)
     model, force = sheared(name, law)
     system = TissueSystem(model)
     omega, step = 2.0 * np.pi * FREQUENCY, 1.0 / (FREQUENCY * per_period)
-    periods = 20  # six times the longest memory: what the start did has died out
+    periods = 20  # six times the longest relaxation time: the transient motion has decayed
     stepper = QuasiStatic().stepper(system, step)
     motion = stepper.start(np.zeros_like(force), np.zeros_like(force))
     found, ledger = 0.0 + 0.0j, TissueEnergyBalance(stepper)
@@ -151,7 +151,7 @@ def loss(name: str, per_period: int) -> list[Quantity]:
 
 
 def directly(model: TissueModel, system: TissueSystem, force: Floats, omega: float) -> complex:
-    """Solve the complex problem: every branch has the stiffness of its frequency."""
+    """Solve the complex problem: each branch has its stiffness at the frequency of the load."""
     matrix = model.free_block(model.stiffness.matrix.tocsr()).astype(complex)
     for time, relaxing in system.branches:
         turn = 1j * omega * time
@@ -184,7 +184,7 @@ def incompressible_loss(per_period: int) -> float:
 
 
 def energies() -> list[Quantity]:
-    """Pull and let go with every integrator: the ledger closes; nothing is lost that is not."""
+    """Load and unload with each integrator, and compute the energy balance."""
     law = tissue_of(0.3, density=1e3)
     model, force = sheared("P2", law)
     system = TissueSystem(model, lumping=None)
@@ -219,7 +219,7 @@ def energies() -> list[Quantity]:
 
 
 def largest_growth() -> float:
-    """Return how much random motion grows at most, over steps and memories of any length."""
+    """Return the largest growth of a random motion for all steps and relaxation times."""
     worst = 0.0
     rng = np.random.default_rng(8)
     for integrator in (Newmark(), HHT(alpha=-0.1), GeneralizedAlpha(rho_inf=0.8)):
@@ -236,7 +236,7 @@ def largest_growth() -> float:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare with closed forms, and with the complex problem solved directly."""
+    """Compare with closed forms, and with the solution of the complex problem."""
     answers = [*of_the_law(), *relaxation(), *energies()]
     coarse, fine = creep_error(40), creep_error(80)
     answers += [
@@ -260,11 +260,11 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="viscoelastic tissue",
-    requirement="Forces on tissue that is held fall, tissue under a load creeps, vibrations are "
-    "lost, as the relaxing shear modulus says; the energy that goes is accounted for.",
+    requirement="Relaxation of forces, creep under a load and loss of vibrations follow the "
+    "relaxation modulus of shear; the energy balance contains the dissipated energy.",
     reference="exact: generalised Maxwell solid; incompressible tissue follows its shear modulus; "
     "correspondence principle (T. Alfrey 1944), solved as a complex problem without time",
-    tolerance_rationale="round-off where strain changes evenly over a step; elsewhere second "
+    tolerance_rationale="round-off where the strain changes linearly over a step; elsewhere second "
     "order in the step",
     run=run,
 )

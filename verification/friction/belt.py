@@ -1,4 +1,4 @@
-"""F3: a tethered mass on a running belt."""
+"""A mass with a spring on a moving belt: stick-slip, and vibration under constant friction."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ SLIPS = 2.0 / OMEGA * (np.pi - np.arctan((LIMIT - FORCE) * OMEGA / (STIFFNESS * 
 
 
 def belt(ratio: float) -> FrictionSystem:
-    """Return the mass on a belt whose static friction is larger by a ratio."""
+    """Return the mass on a belt with a given ratio of static to kinetic friction."""
     one = np.ones((1, 1))
     return FrictionSystem(
         MatrixSystem(one, STIFFNESS * one),
@@ -29,7 +29,7 @@ def belt(ratio: float) -> FrictionSystem:
 
 
 def period(steps: int) -> float:
-    """Return the time between two moments at which the belt lets go."""
+    """Return the time between two successive beginnings of slip."""
     mass = belt(LIMIT / FORCE)
     old, found = mass.start(np.zeros(1), np.array([SPEED])), []
     for state in mass.located(old, SLIPS / steps, 2.0):
@@ -40,9 +40,10 @@ def period(steps: int) -> float:
 
 
 def smooth(steps: int) -> tuple[float, float]:
-    """Return error of the stretch over its swing, and the least distance to the belt's speed.
+    """Return the error relative to the amplitude, and the smallest difference to the belt's speed.
 
-    Without a drop of friction it never sticks: once a period the mass touches the belt's speed.
+    With equal static and kinetic friction the mass never sticks: once per period its velocity
+    reaches that of the belt.
     """
     mass, swing = belt(1.0), SPEED / OMEGA
     start = mass.start(np.array([FORCE / STIFFNESS]), np.array([SPEED]))
@@ -56,7 +57,7 @@ def smooth(steps: int) -> tuple[float, float]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare the period, and the motion without a drop of friction."""
+    """Compare the period, and the motion with equal static and kinetic friction."""
     coarse, fine = smooth(100), smooth(200)
     return ProblemResult(
         quantities=[
@@ -73,10 +74,11 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="belt",
-    requirement="A tethered mass on a belt sticks and slips; without a drop of friction it swings "
-    "about the place where friction stretches the spring.",
-    reference="exact: the oscillator of F1 in the belt's frame, with friction as weight times "
-    "coefficient",
-    tolerance_rationale="1 % is asked for; the error is that of the period of average acceleration",
+    requirement="A mass with a spring on a belt sticks and slips. With equal static and kinetic "
+    "friction it vibrates around the position in which friction and spring are in equilibrium.",
+    reference="exact: the oscillator of `stick_slip` in the frame of the belt, with friction as "
+    "weight times coefficient",
+    tolerance_rationale="1 % is required; the error is that of the period of the average "
+    "acceleration",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""F2: free vibration under dry friction falls by steps and stops."""
+"""Free vibration under dry friction: linear decay of the amplitude, then rest."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ STOP = 2.5 * PERIOD
 
 
 def turns(steps: int) -> tuple[list[FrictionState], FrictionState]:
-    """Return the states in which it turns, with so many steps a period, and one long after."""
+    """Return the states at the turning points, for a number of steps per period, and a late one."""
     one = np.ones((1, 1))
     mass = FrictionSystem(
         MatrixSystem(one, STIFFNESS * one),
@@ -34,7 +34,7 @@ def turns(steps: int) -> tuple[list[FrictionState], FrictionState]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare the turning points, and the time at which it stops."""
+    """Compare the turning points, and the time at which the motion stops."""
     found, last = turns(100)
     answers = [
         Quantity(label=f"turning point {n + 1}", value=float(state.motion.u[0]), reference=exact,
@@ -60,11 +60,10 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="Coulomb decay",
-    requirement="Dry friction lowers the amplitude by the same length every half period, until the "
-    "mass stops where the spring can't overcome static friction, and stays there.",
-    reference="exact: amplitude falls by 2 F / k each half period",
-    tolerance_rationale="with steps cut at turning points, average acceleration keeps the energy "
-    "of every half "
-    "period exactly; its period is longer by (w dt)^2 / 12",
+    requirement="Dry friction reduces the amplitude by the same length in each half period, until "
+    "the spring force is below static friction at a turning point and the mass remains at rest.",
+    reference="exact: the amplitude decreases by 2 F / k in each half period",
+    tolerance_rationale="with time steps that end at the turning points the average acceleration "
+    "conserves the energy of each half period exactly; its period is longer by (w dt)^2 / 12",
     run=run,
 )

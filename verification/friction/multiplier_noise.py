@@ -1,4 +1,4 @@
-"""F11: forces along the shaft are forces, not noise, whatever the mesh."""
+"""Contact forces along the shaft under refinement: no round-off noise."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ from needlefem.scene import Scene, Stage, vary
 from verification.support.organ_in_gel import SIZE, organ_in_gel
 
 DEPTH, BACK = 0.03, 0.5e-3
-"""How far in, and how far back then, m."""
+"""Depth of the insertion and length of the following retraction, m."""
 DIVISIONS = (15, 30, 60)
-"""Of the square's sides."""
+"""Number of squares along a side of the meshes."""
 
 
 def scene(element: str, divisions: int, share: float) -> Scene:
-    """Return a needle that goes in and a little back, with pieces of a share of an element."""
+    """Return an insertion with a short retraction, with segments of a share of an element."""
     stages = Stage(depth=DEPTH), Stage(depth=DEPTH - BACK)
     return organ_in_gel(
         element, divisions, share * SIZE / divisions, max_depth=DEPTH, stages=stages
@@ -23,12 +23,12 @@ def scene(element: str, divisions: int, share: float) -> Scene:
 
 
 def roughness(forces: np.ndarray) -> float:
-    """Return the part of forces that alternates: 1 for noise from piece to piece."""
+    """Return the alternating part of forces: 1 for noise from segment to segment."""
     return float(np.linalg.norm(np.diff(forces, 2)) / (4.0 * np.linalg.norm(forces)))
 
 
 def of_shaft(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Return lateral forces and friction of whole pieces."""
+    """Return lateral forces and friction forces of the complete segments."""
     return state.lateral_force[1 : state.full_segments, 0], state.friction_force[
         1 : state.full_segments
     ]
@@ -54,7 +54,7 @@ def halved(element: str, share: float, stiffness: float, counts: tuple[int, ...]
 
 
 def refused(element: str, share: float) -> Quantity:
-    """Say that pieces much shorter than the distance of nodes are not held rigidly."""
+    """Test that segments much shorter than the node distance do not stick rigidly."""
     simulation = Simulation(scene(element, 30, share))
     found = simulation.sticking(simulation.entry_of_case())
     regular = found.condition <= STICK_CONDITION and found.stiffness > 0.0
@@ -64,7 +64,7 @@ def refused(element: str, share: float) -> Quantity:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Halve, and shorten."""
+    """Refine elements and segments, and shorten the segments."""
     answers = [refused("P1", 0.125), refused("P2", 0.08)]
     if quick:
         return ProblemResult(quantities=answers)
@@ -75,9 +75,9 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="shaft multipliers",
-    requirement="Forces along the shaft grow no rougher when elements and pieces are halved "
-    "together; pieces that would make them noise are held by a penalty.",
+    requirement="The forces along the shaft do not become rougher when elements and segments are "
+    "refined together. Segments that are too short for the mesh stick with a tangential penalty.",
     reference="property; a stable pair of displacement and contact forces",
-    tolerance_rationale="noise grows with every halving; what is there in the tissue gets smoother",
+    tolerance_rationale="noise increases with each refinement; the physical forces become smoother",
     run=run,
 )

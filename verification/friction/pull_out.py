@@ -1,4 +1,4 @@
-"""F4: pull-out of a shaft, shear lag and the rigid-plastic loop."""
+"""Pull-out of a shaft: shear lag, and cycles with rigid sticking."""
 
 import numpy as np
 
@@ -10,17 +10,17 @@ from needlefem.mesh import box
 from verification.support.embedded_shaft import EmbeddedShaft
 
 LENGTH, WIDTH, STRETCH = 0.1, 0.01, 50.0
-"""Of the bar, m, and its EA, N."""
+"""Length of the bar, m, and its EA, N."""
 LIMIT, STIFFNESS = 20.0, 4e4
-"""Friction per length, N/m, and stiffness of sticking, N/m^2."""
+"""Friction per length, N/m, and tangential penalty, N/m^2."""
 RATE = np.sqrt(STIFFNESS / STRETCH)
 LOADS = (0.5, 1.0, 1.5, 1.8, 1.95)
 
 
 def needle(pieces: int, stiffness: float) -> EmbeddedShaft:
-    """Return a needle in a bar that is held where the needle's far end is.
+    """Return a needle in a bar that is fixed at the far end of the needle.
 
-    Seen from the needle it is the bar that is pulled out, by its held end.
+    In the frame of the needle, the fixed end of the bar is pulled.
     """
     mesh = box((0.0, 0.0), (WIDTH, LENGTH), (1, pieces), "quadrilateral")
     law = Isotropic(youngs_modulus=STRETCH / WIDTH, poissons_ratio=0.0)
@@ -32,7 +32,7 @@ def needle(pieces: int, stiffness: float) -> EmbeddedShaft:
 
 
 def slip_length(load: float) -> float:
-    """Return the length that slips under a load (bisection of its closed form), m."""
+    """Return the slipping length under a load (by bisection of the closed form), m."""
     low, high = 0.0, LENGTH
     for _ in range(200):
         middle = 0.5 * (low + high)
@@ -42,7 +42,7 @@ def slip_length(load: float) -> float:
 
 
 def pulled(load: float) -> float:
-    """Return how far the loaded end moves under a load, m."""
+    """Return the displacement of the loaded end, m."""
     if load <= LIMIT / RATE * np.tanh(RATE * LENGTH):
         return load / (STRETCH * RATE * np.tanh(RATE * LENGTH))
     slip = slip_length(load)
@@ -71,13 +71,13 @@ def shear_lag(pieces: int) -> list[Quantity]:
 
 
 def loop(pieces: int) -> list[Quantity]:
-    """Load, unload and load again with rigid sticking."""
+    """Load, unload and reload with rigid sticking."""
     shaft, most = needle(pieces, 0.0), 1.5
     far, label = most**2 / (2.0 * STRETCH * LIMIT), f"rigid, {pieces} pieces"
     closed = (("loading", far, most, most**3 / (6.0 * STRETCH * LIMIT)),
               ("unloading", 0.5 * far, 0.0, most**3 / (24.0 * STRETCH * LIMIT)),
               ("reloading", far, most, most**3 / (24.0 * STRETCH * LIMIT)))  # fmt: skip
-    piece = 2.0 * LIMIT / most * LENGTH / pieces  # of the length that slips back
+    piece = 2.0 * LIMIT / most * LENGTH / pieces  # segment length relative to the reverse slip
     answers = []
     for name, goal, load, lost in closed:
         start, old = shaft.travel, shaft.dissipated
@@ -111,9 +111,9 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="shaft pull-out",
-    requirement="Sticking that gives way, slip fronts and loops of loading are those of shear lag.",
+    requirement="Compliant sticking, slip fronts and hysteresis loops agree with shear lag theory.",
     reference="exact; shear lag (H. L. Cox 1952) with a constant friction limit",
-    tolerance_rationale="a front moves by whole pieces; the bar has an error of second order in "
-    "its elements",
+    tolerance_rationale="a slip front moves by complete segments; the bar has an error of second "
+    "order in the element size",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""F1: a mass that is drawn over a rough floor by a spring sticks and slips."""
+"""A mass that is pulled over a rough floor by a spring: stick and slip."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ EXACT = {
 
 
 def cycle(steps: int) -> dict[str, float]:
-    """Return the figures of the first cycle, with so many steps while it slips."""
+    """Return the quantities of the first cycle, for a number of steps per slip phase."""
     one = np.ones((1, 1))
     drawn = FrictionSystem(
         MatrixSystem(MASS * one, STIFFNESS * one),
@@ -56,7 +56,7 @@ def cycle(steps: int) -> dict[str, float]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare a cycle with its closed form, and the error with that of twice the steps."""
+    """Compare a cycle with its closed form, and its error with that of twice as many steps."""
     coarse, fine = cycle(100), cycle(200)
     answers = [
         Quantity(label=name, value=coarse[name], reference=float(exact), tolerance=1e-2)
@@ -72,10 +72,10 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="stick-slip oscillator",
-    requirement="What sticks breaks loose at static friction, slides under kinetic friction and "
-    "sticks again at the velocity of what it rubs on, at the right times and forces.",
+    requirement="A sticking mass begins to slip at static friction, slides under kinetic friction, "
+    "and sticks again when its velocity equals that of the floor, at the exact times and forces.",
     reference="exact: piecewise harmonic motion (J. P. Den Hartog 1931)",
-    tolerance_rationale="1 % is asked for at a hundredth of the slip's time; the observed error "
-    "is of second order",
+    tolerance_rationale="1 % is required at a hundredth of the duration of a slip phase; the "
+    "observed error is of second order",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""F5: a shaft along a clamped strip, where it lies in the elements, and friction that weakens."""
+"""A shaft along a clamped strip: sticking, sliding, slip weakening, position in the elements."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from needlefem.scene import Support
 from verification.support.embedded_shaft import EmbeddedShaft
 
 HALF, LENGTH, SHEAR, LIMIT = 0.03, 0.02, 5e3, 40.0
-"""Half the strip's width, its length, m; shear modulus, Pa; friction per length, N/m."""
+"""Half width and length of the strip, m; shear modulus, Pa; friction per length, N/m."""
 GIVE = LIMIT * HALF / (2.0 * SHEAR)
-"""Displacement of a shaft in the middle under all its friction, m."""
+"""Displacement of a shaft on the middle line under its full friction, m."""
 SUPPORTS = {
     "walls": Support(faces=("y_min", "y_max")),
     "ends": Support(faces=("z_min", "z_max"), fixed=("y",)),
@@ -20,7 +20,7 @@ SUPPORTS = {
 
 
 def strip(element: str, across: int, height: float, **shaft: object) -> EmbeddedShaft:
-    """Return a needle along a strip of some elements across, at a height from the middle."""
+    """Return a needle along a strip with some elements across, at a distance from the middle."""
     row = CATALOGUE[element]
     law = Isotropic(youngs_modulus=2.6 * SHEAR, poissons_ratio=0.3)
     model = rectangle(row, law, across, (2.0 * HALF, LENGTH), SUPPORTS)
@@ -30,7 +30,7 @@ def strip(element: str, across: int, height: float, **shaft: object) -> Embedded
 
 
 def stiffer(element: str, across: int, height: float) -> float:
-    """Return the exact relative error of the give of a line inside elements."""
+    """Return the exact relative error of the compliance of a line inside elements."""
     size = 2.0 * HALF / across
     xi = (HALF + height) / size % 1.0
     s = xi * (1.0 - xi)
@@ -39,7 +39,7 @@ def stiffer(element: str, across: int, height: float) -> float:
 
 
 def gives(element: str, across: int, height: float, **shaft: object) -> float:
-    """Return how far the tissue gives over what the closed form says, minus one."""
+    """Return the displacement of the tissue relative to the closed form, minus one."""
     needle = strip(element, across, height, **shaft)
     force = needle.move(10.0 * GIVE)
     give = float(needle.moved.mean())
@@ -48,7 +48,7 @@ def gives(element: str, across: int, height: float, **shaft: object) -> float:
 
 
 def sliding() -> list[Quantity]:
-    """Stick, slide, and where the work goes."""
+    """Test sticking, sliding and the energy balance."""
     needle, goal, work = strip("Q2", 8, 0.0), 2.5 * GIVE, 0.0
     stuck = needle.move(0.5 * GIVE)
     for travel in np.linspace(0.5 * GIVE, goal, 41)[1:]:
@@ -66,7 +66,7 @@ def sliding() -> list[Quantity]:
 
 
 def weakened(travel: float, ratio: float, length: float) -> float:
-    """Return the exact force of a shaft pulled in one go, N/m, with linear weakening."""
+    """Return the exact force of a shaft after a monotonic pull, N/m, with linear slip weakening."""
     stiffness, top = LIMIT / GIVE, ratio * LIMIT
     fall = (top - LIMIT) / length
     force = stiffness * travel
@@ -77,7 +77,7 @@ def weakened(travel: float, ratio: float, length: float) -> float:
 
 
 def weakening() -> list[Quantity]:
-    """Let static friction of 1.5 times the kinetic one fall over slip, gently and at once."""
+    """Test slip weakening with a ratio of 1.5, gradual and sudden."""
     answers = []
     for name, length in (("gentle", 2.0 * GIVE), ("sudden", 0.2 * GIVE)):
         needle = strip("Q2", 8, 0.0, friction=SlipWeakeningFriction(ratio=1.5, length=length))
@@ -99,7 +99,7 @@ def weakening() -> list[Quantity]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare give, friction, energy, and the error of a line that lies inside elements."""
+    """Compare compliance, friction, energy, and the error of a line inside elements."""
     answers = sliding() + weakening()
     for element in ("P1", "P2", "Q1", "Q2"):
         label = f"{element}: give of a line on the mesh, off"
@@ -107,7 +107,7 @@ def run(quick: bool) -> ProblemResult:
             Quantity(label=label, value=gives(element, 8, 0.0), tolerance=1e-10, recorded=False)
         )
         if element.startswith("P"):
-            continue  # a slanted edge crosses the line: the closed form is that of the square
+            continue  # an edge crosses the line obliquely: the closed form is for squares only
         for across in (9, 17) if quick else (9, 17, 33):
             for height in (0.0, 0.44 * 2.0 * HALF / across):
                 label = f"{element}, {across} across, height {height / HALF:.4f}: give off"
@@ -121,9 +121,9 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="shaft in a strip",
-    requirement="A shaft sticks, slides and weakens as an elastic slider does; a line inside "
-    "elements is too stiff by what theory says.",
-    reference="exact: shear between a line load and clamped walls; the elements' own error",
+    requirement="A shaft sticks, slides and weakens like an elastic slider. A line inside elements "
+    "is too stiff by the amount of the theory.",
+    reference="exact: shear between a line load and clamped walls; error of the elements",
     tolerance_rationale="round-off; the discrete solution is known exactly",
     run=run,
 )

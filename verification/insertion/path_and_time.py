@@ -1,4 +1,4 @@
-"""F10: the march against steps in depth, and against steps in time."""
+"""Path following against time steps, without and with memory of the tissue."""
 
 import numpy as np
 
@@ -13,20 +13,20 @@ SPACINGS = (2.4e-3, 1.2e-3, 0.6e-3)
 
 
 def scene(spacing: float) -> Scene:
-    """Return an organ in gel that a needle passes beside its middle."""
+    """Return an organ in gel and a needle that passes beside its centre."""
     plain = organ_in_gel("P2", 30, spacing, max_depth=0.03)
     return vary(plain, {"discretization.tip_quadrature_points": 200})
 
 
 def in_depth(marched: Insertion, spacing: float, step: float) -> float:
-    """Return how far steps in depth are off the march at its own depths, m."""
+    """Return the largest difference of quasi-static steps from path following at its depths, m."""
     changes = {"discretization.integrator": "quasi_static", "discretization.time_step": step}
     found = simulate(vary(scene(spacing), changes))
     return apart(found, marched.depths[2:-1], marched.tips[2:-1])
 
 
 def apart(found: Insertion, depths: np.ndarray, tips: np.ndarray) -> float:
-    """Return how far an insertion that stops at depths is off given material points, m."""
+    """Return the largest distance of an insertion from given material points at given depths, m."""
     cutting = [state for state in found.states if state.tip_phase is TipPhase.CUTTING]
     own = np.array([state.depth for state in cutting])
     nearest = np.argmin(np.abs(own[:, None] - depths), axis=0)
@@ -36,9 +36,9 @@ def apart(found: Insertion, depths: np.ndarray, tips: np.ndarray) -> float:
 
 
 def in_time(marched: Insertion, spacing: float) -> float:
-    """Return how far steps in time are off the march in between its states, m.
+    """Return the largest difference of steps in time from path following between its states, m.
 
-    The tissue has a branch of no consequence: its memory forbids to cut a step short.
+    The tissue has a viscoelastic branch without effect, which forbids steps of variable length.
     """
     laws = {
         name: Viscoelastic(
@@ -57,7 +57,7 @@ def in_time(marched: Insertion, spacing: float) -> float:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare both on finer and finer pieces and steps."""
+    """Compare both for decreasing segment lengths and steps."""
     answers, errors, cost = [], [], []
     for spacing in SPACINGS[:1] if quick else SPACINGS:
         simulation = Simulation(scene(spacing))
@@ -85,9 +85,10 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="march and steps",
-    requirement="Steps in depth stop where the march does; steps in time approach it.",
-    reference="another method for the same equations: unknown depth against unknown place",
-    tolerance_rationale="both solve to 1e-12 m; steps in time make pieces that are up to a step "
-    "too long",
+    requirement="Time steps without inertia agree with path following at its states. Time steps of "
+    "constant length converge to it.",
+    reference="another method for the same equations: unknown depth instead of unknown position",
+    tolerance_rationale="both solve to 1e-12 m; steps of constant length make segments that are "
+    "too long by up to one step",
     run=run,
 )

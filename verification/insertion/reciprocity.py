@@ -1,4 +1,4 @@
-"""F8: Betti's theorem, and answers that move with the frame."""
+"""Betti's theorem, invariance under motions of the frame, and the tissue after the retraction."""
 
 import dataclasses
 
@@ -19,13 +19,13 @@ FRAMES = {
     "mirrored": (0.0, (0.06, 0.0), True),
     "mirrored and turned": (0.4, (0.0, 0.0), True),
 }
-"""Angle, shift (m), and whether mirrored first."""
+"""Angle, shift (m), and whether the frame is mirrored first."""
 QUICK = ("turned by 40 degrees and shifted", "mirrored and turned")
-"""Frames of a quick run: every kind of movement is in one of them."""
+"""Frames of a quick run: each kind of motion occurs in one of them."""
 
 
 def scene(element: str, friction: float = 10e3) -> Scene:
-    """Return an organ in gel and a needle that goes in, rests, out in part, in again, and out."""
+    """Return an organ in gel and a motion: insertion, dwell, partial retraction, insertion, out."""
     stages = (
         Stage(depth=0.03),
         Stage(dwell=1.0),
@@ -40,7 +40,7 @@ def scene(element: str, friction: float = 10e3) -> Scene:
 
 
 def moved(plain: Scene, angle: float, shift: tuple[float, float], mirror: bool) -> Insertion:
-    """Return the motion in a mesh that was moved, with the needle moved alike, moved back."""
+    """Return the motion in a transformed mesh and frame, transformed back."""
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     frame = turn @ np.diag([-1.0 if mirror else 1.0, 1.0])
     mesh = build_mesh(plain)
@@ -59,7 +59,7 @@ def moved(plain: Scene, angle: float, shift: tuple[float, float], mirror: bool) 
 
 
 def apart(one: Insertion, other: Insertion) -> float:
-    """Return the largest difference of paths and forces, relative to the largest of each."""
+    """Return the largest difference of paths and forces, relative to the largest value of each."""
     if len(one.states) != len(other.states):
         return np.inf
     forces = [np.array([state.force for state in found.states]) for found in (one, other)]
@@ -68,14 +68,14 @@ def apart(one: Insertion, other: Insertion) -> float:
 
 
 def at_rest(found: Insertion) -> float:
-    """Return the displacement with the needle out, relative to the largest on the way."""
+    """Return the displacement after the retraction, relative to the largest during the motion."""
     last, deepest = len(found.states) - 1, int(np.argmax(found.depths))
     sizes = np.max(np.abs(displacements(found, [last, deepest])), axis=0)
     return float(sizes[0] / sizes[1]) if found.states[-1].tip_phase is TipPhase.OUTSIDE else np.inf
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare responses both ways round; motions in moved frames; tissue left alone."""
+    """Compare compliances, motions in transformed frames, and the tissue after the retraction."""
     answers = []
     for name, element in CATALOGUE.items():
         for ratio in (0.3, 0.4999):
@@ -107,8 +107,8 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="reciprocity and frames",
-    requirement="Responses are symmetric; answers move with a shifted, turned or mirrored scene; "
-    "no displacement is left when the needle is out.",
+    requirement="The compliance is symmetric. Results do not depend on a shift, rotation or mirror "
+    "image of the scene. The displacement after the retraction is zero.",
     reference="exact; E. Betti 1872",
     tolerance_rationale="round-off times the condition of the system",
     run=run,

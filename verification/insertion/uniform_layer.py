@@ -1,4 +1,4 @@
-"""F7 and the ledger: a needle in a uniform layer, pushed in and drawn out, soft and stiff."""
+"""A needle in a uniform layer: force, energy balance, rigid limit, position in the mesh."""
 
 import numpy as np
 
@@ -16,11 +16,11 @@ PLACES = {
     "through cells": (0.0287, (0.0, 1.0)),
     "through vertices, obliquely": (0.018, (5.0**-0.5, 2.0 * 5.0**-0.5)),
 }
-"""Where the needle enters, m, and its direction."""
+"""Entry of the needle, m, and its direction."""
 
 
 def layer(element: str, entry: float = 0.0287) -> Scene:
-    """Return a uniform square that a needle enters, and leaves again."""
+    """Return a uniform square with an insertion and a retraction."""
     return Scene(
         title="uniform layer",
         axes=("y", "z"),
@@ -41,7 +41,7 @@ def layer(element: str, entry: float = 0.0287) -> Scene:
 
 
 def pushed(element: str) -> list[Quantity]:
-    """Compare the march's and the steps' force with cutting force plus friction times path."""
+    """Compare the forces of both methods with cutting force plus friction times path length."""
     answers = []
     for way in ("path_following", "quasi_static"):
         changes = {"discretization.integrator": way, "motion.stages": ()}
@@ -66,7 +66,7 @@ def pushed(element: str) -> list[Quantity]:
 
 
 def cycle(element: str, stiffer: float) -> dict[str, float]:
-    """Return how far a cycle in stiffer tissue is off that in rigid tissue, by quantity."""
+    """Return the differences between a cycle in stiffer tissue and in rigid tissue, by quantity."""
     law = Isotropic(youngs_modulus=stiffer * MODULUS, poissons_ratio=0.45)
     found = simulate(vary(layer(element), {"materials": {"gel": law}}))
     states, energies = found.states, energy_terms(found)
@@ -89,7 +89,7 @@ def _work(found: Insertion, last: int) -> float:
 
 
 def rigid_limit(element: str) -> tuple[list[Quantity], list[Curve]]:
-    """Check that the rigid answer is approached as one over Young's modulus."""
+    """Check that the rigid limit is approached with order one in 1 / E."""
     found = [cycle(element, stiffer) for stiffer in STIFFER]
     answers, curves = [], []
     for name in found[0]:
@@ -107,7 +107,7 @@ def rigid_limit(element: str) -> tuple[list[Quantity], list[Curve]]:
 
 
 def places(element: str) -> list[Quantity]:
-    """Compare forces on a mesh line, through cells, and a billionth of a cell beside."""
+    """Compare forces on a mesh line, through cells, and 1e-9 of a cell beside the line."""
     answers = []
     for name, (entry, direction) in PLACES.items():
         paths = [_forces(element, entry + 1e-9 * 0.003 * side, direction) for side in (0, -1, 1)]
@@ -126,7 +126,7 @@ def _forces(element: str, entry: float, direction: tuple[float, float]) -> np.nd
 
 
 def run(quick: bool) -> ProblemResult:
-    """Push, pull, stiffen, and move aside."""
+    """Test force, energy balance, rigid limit, and positions in the mesh."""
     answers, curves = [], []
     for element in ("P1", "P2"):
         answers += pushed(element)
@@ -139,11 +139,11 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="uniform layer",
-    requirement="In a uniform layer the force is f_c + tau times the material path, no energy is "
-    "lost, rigid tissue is approached as one over its modulus, and elements' edges are not felt.",
-    reference="exact; equilibrium of the needle, all shaft points slipping",
-    tolerance_rationale="round-off; the trapezoidal ledger has an error of second order in every "
-    "step; "
-    "friction turns round within the first of the steps back",
+    requirement="In a uniform layer the force is f_c + tau times the length of the material path. "
+    "The energy balance has no residual. The error of the rigid limit is proportional to 1 / E. "
+    "The position of element edges has no influence.",
+    reference="exact; equilibrium of the needle with slip on the full shaft",
+    tolerance_rationale="round-off; the trapezoidal energy balance has an error of second order in "
+    "each step; friction changes its sign within the first step of the retraction",
     run=run,
 )

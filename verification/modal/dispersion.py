@@ -1,4 +1,4 @@
-"""M3: waves in a bar, by consistent and by lumped mass: closed forms for linear elements."""
+"""Dispersion of waves in a bar with consistent and lumped mass: closed forms."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from needlefem.mesh import BACKGROUND, name_faces, name_regions
 from needlefem.scene import Support
 
 CELLS, THIN = 12, 0.01
-"""Cells along the strip; its width, so thin that nothing but the bar vibrates slowly."""
+"""Cells along the strip, and its width; only longitudinal vibrations have low frequencies."""
 WIDE = 1e6
 LAW = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=2.0)
 LARGEST = {"consistent": 2.0 * np.sqrt(3.0), "lumped": 2.0}
@@ -19,9 +19,9 @@ LARGEST = {"consistent": 2.0 * np.sqrt(3.0), "lumped": 2.0}
 
 
 def largest(lumping: str | None) -> float:
-    """Return the largest frequency, in units of ``c / h``, of a strip that is free at its ends.
+    """Return the largest frequency, in units of ``c / h``, of a strip with free ends.
 
-    It is so wide that what varies across it is slow.
+    The strip is so wide that lateral vibrations have low frequencies.
     """
     mesh = mapped_mesh(CATALOGUE["Q1"], (CELLS, 1), lambda p: p * np.array([1.0, WIDE]))
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
@@ -38,7 +38,7 @@ def sound() -> float:
 
 
 def system(lumping: str | None) -> tuple[TissueSystem, float]:
-    """Return a strip one cell wide that slides between walls, and its speed of sound."""
+    """Return a strip of one cell width between sliding walls, and its wave speed."""
     mesh = mapped_mesh(CATALOGUE["Q1"], (CELLS, 1), lambda p: p * np.array([1.0, THIN]))
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
     supports = {
@@ -75,8 +75,8 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="dispersion of a bar",
-    requirement="Consistent mass makes waves too fast and lumped mass too slow, each by its "
-    "formula.",
+    requirement="Wave speeds are too high with consistent mass and too low with lumped mass, each "
+    "by its formula.",
     reference="exact for linear elements; R. D. Krieg, S. W. Key 1973",
     tolerance_rationale="round-off",
     run=run,

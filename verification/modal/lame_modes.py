@@ -1,4 +1,4 @@
-"""M1: Lame's modes of a free square, whatever Poisson's ratio; locking is seen in frequencies."""
+"""Lame's modes of a free square for any Poisson's ratio; locking and mass lumping."""
 
 import numpy as np
 
@@ -9,21 +9,21 @@ from needlefem.fem import FunctionSpace
 from needlefem.materials import Isotropic
 
 EXACT = np.sqrt(2.0) * np.pi
-"""Angular frequency of the first on the unit square with mu = rho = 1."""
+"""First angular frequency on the unit square with mu = rho = 1."""
 LIMITS = {
     ("P1", 64, 0.3): 7e-4, ("Q1", 32, 0.3): 9.5e-4, ("P2", 8, 0.3): 2.5e-4, ("Q2", 8, 0.3): 4e-5,
     ("P2", 32, 0.4999): 2e-4, ("Q1-Bbar", 32, 0.4999): 2e-3, ("P2-P1", 8, 0.4999): 1e-3,
     ("Q2-Q1", 8, 0.4999): 1e-4, ("MINI", 32, 0.4999): 5e-3,
 }  # fmt: skip
-"""Largest relative error by element, divisions and Poisson's ratio; never below, by consistent
-mass of displacement elements."""
+"""Largest relative error by element, divisions and Poisson's ratio; the frequency of displacement
+elements with consistent mass is never too low."""
 LOCKED = {"P1": 0.071, "Q1": 0.071}
-"""Relative error at nu 0.4999 on 64 divisions, by another code."""
+"""Relative error at nu 0.4999 on 64 divisions, by another program."""
 LUMPED = {("P1", 0.3): 2.7e-4, ("Q1", 0.3): -1.8e-4, ("Q1", 0.49): 2.2e-3}
-"""Relative error by row sums on 64 divisions, two digits by another code: lumping makes waves
-slower, but not always too slow."""
+"""Relative error with row sums on 64 divisions, two digits by another program. Lumping decreases
+frequencies, but they may still be too high."""
 FINE = {1: 64, 2: 16}
-"""Divisions by degree on which orders are seen."""
+"""Divisions by degree for orders of convergence."""
 
 
 def frequency(
@@ -36,10 +36,11 @@ def frequency(
     number: int = 1,
     lumping: str | None = None,
 ) -> float:
-    """Return the frequency of the mode that looks like one of Lame's, over `number`; NaN if none.
+    """Return the frequency of the mode that is similar to Lame's, over `number`, or NaN.
 
-    `near` is where it is looked for, in units of the exact one; `like` the least overlap by mass,
-    which is lower for a mode that is bent by locking; `number` the half waves along a side.
+    `near` is the expected value in units of the exact one. `like` is the smallest accepted
+    correlation with respect to mass, which is lower for a mode that is distorted by locking.
+    `number` is the number of half waves along a side.
     """
     element = CATALOGUE[name]
     material = Isotropic(youngs_modulus=2.0 * (1.0 + ratio), poissons_ratio=ratio, density=1.0)
@@ -56,7 +57,7 @@ def frequency(
 
 
 def unknowns(divisions: int, name: str) -> int:
-    """Return the displacements of a square."""
+    """Return the number of displacement unknowns of a square."""
     return FunctionSpace(square_mesh(CATALOGUE[name], divisions), CATALOGUE[name]).ndofs
 
 
@@ -80,7 +81,7 @@ def run(quick: bool) -> ProblemResult:
 
 
 def locked_and_lumped() -> list[Quantity]:
-    """See linear elements lock, and lumped mass on either side of the exact frequency."""
+    """Show locking of linear elements, and errors of lumped mass with both signs."""
     answers = []
     for name, expected in LOCKED.items():
         off = frequency(name, 64, 0.4999, near=1.07, like=0.9) / EXACT - 1.0
@@ -94,7 +95,7 @@ def locked_and_lumped() -> list[Quantity]:
 
 
 def orders() -> list[Quantity]:
-    """Halve the cells, and double the half waves: a mode of twice as many is as wrong."""
+    """Halve the cells; a mode with twice as many half waves has the same error."""
     answers = []
     for name in ("P1", "Q1", "P2", "Q2"):
         degree = CATALOGUE[name].degree
@@ -123,13 +124,12 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="Lame modes",
-    requirement="A free square vibrates in shear with a frequency that Poisson's ratio does not "
-    "change; linear elements lock.",
+    requirement="A free square has a shear vibration whose frequency does not depend on Poisson's "
+    "ratio; linear elements lock.",
     reference="exact, sqrt(2) pi c_s / L; G. Lame 1852",
-    tolerance_rationale="errors of another code on the same grids (P1 0.067 %, Q1 0.090 %, P2 "
-    "0.023 %, Q2 0.0037 "
-    "%; 0.018 % for P2 at nu 0.4999; by row sums P1 0.027 %, Q1 -0.018 %, at nu 0.49 0.22 %); "
-    "those of elements with a cure by their degree",
+    tolerance_rationale="errors of another program on the same grids (P1 0.067 %, Q1 0.090 %, P2 "
+    "0.023 %, Q2 0.0037 %; 0.018 % for P2 at nu 0.4999; by row sums P1 0.027 %, Q1 -0.018 %, at "
+    "nu 0.49 0.22 %); errors of elements that do not lock by their degree",
     run=run,
     races=RACES,
 )

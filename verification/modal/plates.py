@@ -1,4 +1,4 @@
-"""M4 and M5: NAFEMS FV32, a tapered membrane, and a cantilever as a plane body."""
+"""NAFEMS FV32, a tapered membrane, and a plane cantilever."""
 
 import numpy as np
 
@@ -8,18 +8,18 @@ from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 
 TAPERED = (44.61702, 130.0094, 162.6887, 245.9858, 379.717, 391.4042)
-"""Hz, converged on graded meshes of degree 4; published values lie up to 0.05 % above."""
+"""Hz, converged on graded meshes of degree 4; published values are up to 0.05 % higher."""
 CLAMPED = (0.0100816, 0.0604791, 0.1572579, 0.1593019, 0.2894878, 0.441491)
 COARSE = {
     ("Q2", 126): ((10, 1), 0.25), ("P2", 126): ((10, 1), 0.53), ("Q1", 1458): ((80, 8), 0.42),
     ("P1", 5474): ((160, 16), 0.70),
 }  # fmt: skip
-"""Grid of the cantilever by element and unknowns, and how much its first frequency is too high
-there by another code, %."""
+"""Grid of the cantilever by element and unknowns, and the error of the first frequency there by
+another program, %."""
 BEAM = (0.0101499, 0.0636081, 0.1781045)
-"""What slender beam theory says of the clamped one's bending (modes 1, 2 and 4)."""
+"""Frequencies of bending modes 1, 2 and 4 by the theory of slender beams, clamped."""
 FREE = (0.0624138, 0.1625689, 0.297027, 0.3140419)
-"""Angular frequencies of the cantilever, clamped and (after three zeros) free."""
+"""Angular frequencies of the cantilever, clamped, and free after three zeros."""
 
 
 def tapered(name: str, divisions: tuple[int, int]) -> np.ndarray:
@@ -51,7 +51,7 @@ def cantilever(name: str, divisions: tuple[int, int], *, clamped: bool) -> np.nd
 
 
 def compare(name: str, found: np.ndarray, exact: tuple[float, ...], bound: float) -> list[Quantity]:
-    """Return an answer a mode."""
+    """Return one quantity per mode."""
     return [
         Quantity(label=f"{name}: mode {number}", value=float(value), reference=reference,
                tolerance=bound)
@@ -95,10 +95,11 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="plates in vibration",
-    requirement="Frequencies of bodies, held and free, with their rigid motions at zero.",
-    reference="NAFEMS FV32 and a plane cantilever, converged on graded meshes of degree 4; slender "
-    "beam theory is 0.7 to 12 % off here",
-    tolerance_rationale="0.06 % (Q2), 1.2 % (Q1), 0.6 % (P1) with the unknowns named; 1 % with "
+    requirement="The frequencies of bodies with and without supports are correct; the frequencies "
+    "of rigid motions are zero.",
+    reference="NAFEMS FV32 and a plane cantilever, converged on graded meshes of degree 4; the "
+    "theory of slender beams differs by 0.7 to 12 % here",
+    tolerance_rationale="0.06 % (Q2), 1.2 % (Q1), 0.6 % (P1) with the stated unknowns; 1 % with "
     "126 (Q2)",
     run=run,
 )

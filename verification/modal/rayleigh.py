@@ -1,4 +1,4 @@
-"""M6: Rayleigh damping from two frequencies, and what the integrator makes of it."""
+"""Rayleigh damping from two frequencies, and its change by the integrator."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def exact_ratio(step: float, ratio: float) -> float:
 
 
 def of_tissue() -> list[Quantity]:
-    """Follow the modes of a tissue that is damped at its first and third, one by one."""
+    """Compute the vibration of modes of a damped tissue one by one."""
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3, density=1.0)
     model = rectangle(CATALOGUE["P2"], law, 4)
     found, shapes = modes(TissueSystem(model), 3)
@@ -57,7 +57,7 @@ def of_tissue() -> list[Quantity]:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare constants, ratios in between, and the damping of average acceleration."""
+    """Compare constants, damping ratios between the frequencies, and the average acceleration."""
     damping = Damping.from_ratios((2.0, 10.0), (RATIO, RATIO))
     lowest = np.sqrt(2.0 * 10.0)
     values = {
@@ -91,8 +91,8 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="Rayleigh damping",
-    requirement="Damping has the ratios asked for at two frequencies; the integrator changes them "
-    "by its formula.",
+    requirement="The damping ratios at two frequencies are the prescribed ones; the integrator "
+    "changes them by its formula.",
     reference="exact; Lord Rayleigh 1877",
     tolerance_rationale="the last digit given; round-off for the closed form of average "
     "acceleration",

@@ -1,4 +1,4 @@
-"""M2: frequencies of a box whose sides slide without friction."""
+"""Frequencies of a box whose sides slide without friction."""
 
 import numpy as np
 
@@ -12,8 +12,8 @@ MODES = ("S11", "P10", "S21", "P01", "S12", "S31")
 """Shear or pressure wave, half waves along and across, by rising frequency."""
 TOLERANCE = {1: 2.5e-2, 2: 2.5e-4}
 LUMPED_TRIANGLE = 1e-3
-"""Lumping keeps the order of quadrilaterals of degree 2, whose nodes are those of a rule exact
-enough for it; that of triangles falls to 2."""
+"""Lumping keeps the order of quadrilaterals of degree 2, whose nodes are those of a sufficiently
+exact rule; the order of triangles decreases to 2."""
 
 
 def exact(mode: str) -> float:
@@ -23,7 +23,7 @@ def exact(mode: str) -> float:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare the six lowest frequencies on 16 x 16 squares, by every mass that is admitted."""
+    """Compare the six lowest frequencies on 16 x 16 squares for each admissible mass matrix."""
     law = Isotropic(youngs_modulus=2.0 * (1.0 + RATIO), poissons_ratio=RATIO, density=1.0)
     answers = []
     for name, element in CATALOGUE.items():
@@ -49,9 +49,9 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="sliding box",
-    requirement="Waves in a box have the right frequencies, approached from above.",
-    reference="exact; plane waves fulfil u.n = 0 and zero shear traction on the sides",
-    tolerance_rationale="errors of order h^2 (P1) and h^4 (P2) at 16 x 16 squares; consistent "
-    "mass is never below",
+    requirement="The frequencies of waves in a box are correct, and are approached from above.",
+    reference="exact; plane waves satisfy u.n = 0 and zero shear traction on the sides",
+    tolerance_rationale="errors of order h^2 (P1) and h^4 (P2) at 16 x 16 squares; with consistent "
+    "mass a frequency is never too low",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""Q1: elements and laws that are wrong on purpose are each caught by a check with a name."""
+"""Elements and laws with deliberate mistakes; a named check detects each of them."""
 
 import dataclasses
 from typing import Any
@@ -15,7 +15,7 @@ RIGHT = Isotropic(youngs_modulus=1e4, poissons_ratio=0.3)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Law:
-    """Isotropic elasticity that a subclass spoils."""
+    """Isotropic elasticity; subclasses have one mistake each."""
 
     right: Isotropic = RIGHT
     density: float = 1000.0
@@ -23,12 +23,12 @@ class Law:
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
-        """Return the right answer."""
+        """Return the correct response."""
         return self.right.respond(gradient, state, step)
 
 
 class PushesBack(Law):
-    """Sign: the stress points against the strain."""
+    """Wrong sign of the stress."""
 
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
@@ -39,7 +39,7 @@ class PushesBack(Law):
 
 
 class TwiceTheEnergy(Law):
-    """Factor 2: the energy lacks its half."""
+    """Wrong factor: the energy is twice as large."""
 
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
@@ -50,12 +50,12 @@ class TwiceTheEnergy(Law):
 
 
 class ForgetsVolume(Law):
-    """Missing term: the tangent is without lambda."""
+    """Missing term: the tangent has no lambda."""
 
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
-        """Return a tangent of shear alone."""
+        """Return a tangent with the shear part only."""
         right = super().respond(gradient)
         eye = np.eye(3)
         lame = self.right.lame()[0] * np.einsum("ij,kl->ijkl", eye, eye)
@@ -63,7 +63,7 @@ class ForgetsVolume(Law):
 
 
 class SwapsShears(Law):
-    """Swapped shear: 13 and 23 are taken for each other."""
+    """Exchanged shear components 13 and 23."""
 
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
@@ -77,7 +77,7 @@ class SwapsShears(Law):
 
 
 class FollowsRotation(Law):
-    """Missing half: the gradient is taken for the strain."""
+    """Missing symmetric part: the gradient is used instead of the strain."""
 
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
@@ -90,12 +90,12 @@ class FollowsRotation(Law):
 
 
 class PumpsEnergy(Law):
-    """Non-symmetric tangent: stretching pulls across, but pulling across does not stretch."""
+    """Non-symmetric tangent: a coupling of normal strains in one direction only."""
 
     def respond(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
-        """Return a stress that is no derivative, with its own tangent."""
+        """Return a stress that has no energy function, with its own tangent."""
         right = super().respond(gradient)
         stress, tangent = np.array(right.stress), np.array(right.tangent)
         stress[..., 0, 0] += 2e3 * gradient[..., 1, 1]
@@ -113,7 +113,7 @@ class Unchecked(Isotropic):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class HalfShear(Isotropic):
-    """Tensor's shear strain where Voigt's is meant: shears half as soft."""
+    """Tensor shear strain instead of Voigt's: the shear compliance is halved."""
 
     def compliance(self) -> np.ndarray:
         """Return a compliance with half its shears."""
@@ -121,7 +121,7 @@ class HalfShear(Isotropic):
 
 
 def spoiled(element: ElementType, **methods: Any) -> Any:
-    """Return a factory of scikit-fem's element with methods replaced."""
+    """Return a factory of scikit-fem's element with replaced methods."""
     return type("Spoiled", (type(element.make()),), methods)
 
 
@@ -141,7 +141,7 @@ def _curved(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
 
 
 def elements() -> dict[str, tuple[ElementType, str]]:
-    """Return wrong elements and the check that must catch them."""
+    """Return faulty elements, and the check that must detect each."""
     vary = dataclasses.replace
     mixed_up = vary(P2, name="X", make=spoiled(P2, lbasis=_mixed_up))
     return {
@@ -181,7 +181,7 @@ LAWS: dict[str, tuple[Any, str]] = {
 
 
 def run(quick: bool) -> ProblemResult:
-    """Qualify every wrong thing beside a right one, and see whether its check fails."""
+    """Check each faulty element or law and a correct one, and compare the failed checks."""
     answers = [
         Quantity(
             label="the right ones: checks failed",
@@ -202,8 +202,8 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="wrong on purpose",
-    requirement="A wrong element or law fails a check that says what is wrong with it.",
-    reference="the mistakes that are made: signs, factors, orders, rules",
-    tolerance_rationale="a check that can't fail is none",
+    requirement="An element or law with a mistake fails the check that names this mistake.",
+    reference="typical mistakes: signs, factors, orders, quadrature rules",
+    tolerance_rationale="each check must be able to fail",
     run=run,
 )

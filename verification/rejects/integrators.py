@@ -1,4 +1,4 @@
-"""Q2: integrators that are wrong on purpose are each caught by a check with a name."""
+"""Integrators with deliberate mistakes; a named check detects each of them."""
 
 import dataclasses
 
@@ -25,11 +25,11 @@ RIGHT: dict[str, Integrator] = {
 }
 
 QUICK = ("generalized_alpha", "central difference")
-"""What a quick run qualifies: one that is implicit and one that is not."""
+"""Integrators of a quick run: an implicit and an explicit one."""
 
 
 class StaleAcceleration(ImplicitStepper):
-    """Keeps the acceleration of the step before."""
+    """Keeps the acceleration of the previous step."""
 
     def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
         """Return the motion with its old acceleration."""
@@ -44,7 +44,7 @@ class WrongPredictor(ImplicitStepper):
 
 
 class Undamped(ImplicitStepper):
-    """Forgets the damping force."""
+    """Has no damping force."""
 
     def __init__(self, system: System, step: float, weights: AlphaParameters) -> None:
         super().__init__(system, step, weights)
@@ -52,7 +52,7 @@ class Undamped(ImplicitStepper):
         self.factor = system.factor(inertia, 0.0, 1.0 - weights.force)
 
     def free_motion(self, motion: KinematicState, force: np.ndarray | None = None) -> np.ndarray:
-        """Return the displacement after a step as if nothing damped."""
+        """Return the displacement after a step without damping."""
         damped, self.system.damped = self.system.damped, False
         found = super().free_motion(motion, force)
         self.system.damped = damped
@@ -60,7 +60,7 @@ class Undamped(ImplicitStepper):
 
 
 class HalfVelocity(ImplicitStepper):
-    """Adds the old acceleration's share to the velocity twice."""
+    """Adds the share of the old acceleration to the velocity twice."""
 
     def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
         """Return the motion with a wrong velocity."""
@@ -70,7 +70,7 @@ class HalfVelocity(ImplicitStepper):
 
 
 class LateForce(ImplicitStepper):
-    """Takes the force of the step's start."""
+    """Uses the force at the start of the step."""
 
     def advance_under(
         self, motion: KinematicState, before: np.ndarray, after: np.ndarray
@@ -80,18 +80,18 @@ class LateForce(ImplicitStepper):
 
 
 class Forgetful(ImplicitStepper):
-    """Leaves the viscoelastic branches as they were."""
+    """Does not update the viscoelastic branches."""
 
     def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
-        """Return the motion with its old memory."""
+        """Return the state with unchanged branches."""
         return dataclasses.replace(super().advance(motion, u), parts=motion.parts)
 
 
 class BorrowedVelocity(ImplicitStepper):
-    """Says the velocity in the middle of the step."""
+    """Returns the velocity in the middle of the step."""
 
     def advance(self, motion: KinematicState, u: np.ndarray) -> KinematicState:
-        """Return the motion with a velocity that is half a step old."""
+        """Return the state with the velocity of half a step earlier."""
         return dataclasses.replace(super().advance(motion, u), v=(u - motion.u) / self.step)
 
 
@@ -126,11 +126,11 @@ WRONG: dict[str, tuple[Integrator, str]] = {
     "no limit to the step": (CentralDifference(refuse_unstable=False), "stability"),
     "force of the step before": (Wrong(LateForce, AVERAGE), "order, pushed"),
 }
-"""What is wrong, and the check that must catch it."""
+"""Mistake, and the check that must detect it."""
 
 
 def run(quick: bool) -> ProblemResult:
-    """Qualify wrong integrators beside the right ones."""
+    """Check the faulty integrators and the correct ones."""
     answers = [
         Quantity(label=f"{name}: checks failed", value=len(failures(check_integrator(integrator))),
                tolerance=0.0)
@@ -145,8 +145,8 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="wrong integrators",
-    requirement="A wrong integrator fails a check that says what is wrong with it.",
-    reference="the mistakes that are made: swapped parameters, stale states, forgotten terms",
-    tolerance_rationale="a check that can't fail is none",
+    requirement="An integrator with a mistake fails the check that names this mistake.",
+    reference="typical mistakes: exchanged parameters, outdated states, omitted terms",
+    tolerance_rationale="each check must be able to fail",
     run=run,
 )
