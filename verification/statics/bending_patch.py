@@ -1,4 +1,4 @@
-"""S2: pure bending is met exactly by quadratic elements on any mesh, and by no linear one."""
+"""Pure bending: exact for quadratic elements on any mesh, not for linear ones."""
 
 from needlefem.checks import Problem, ProblemResult, Quantity, bending_error
 from needlefem.elements import CATALOGUE
@@ -7,7 +7,7 @@ from needlefem.materials import Isotropic
 BOUNDS = {0.3: 1e-13, 0.4999: 1e-12}
 """Largest error of quadratic elements by Poisson's ratio."""
 LINEAR = 1e-3
-"""Least error of linear ones, which have no curvature: a thousandth at the very least."""
+"""Smallest error of linear elements, which have no curvature."""
 
 
 def run(quick: bool) -> ProblemResult:
@@ -30,10 +30,10 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="bending patch",
-    requirement="A strain that is linear across the mesh is met exactly by quadratic elements; "
-    "linear ones fail.",
+    requirement="Quadratic elements represent a linear strain field exactly; linear elements do "
+    "not.",
     reference="exact, u = x y, v = -(x^2 + b y^2) / 2; S. P. Timoshenko, J. N. Goodier 1951",
-    tolerance_rationale="round-off times the condition of the system; linear elements miss by "
-    "far more than that",
+    tolerance_rationale="round-off times the condition number of the system; the error of linear "
+    "elements is larger by orders of magnitude",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""S10: a cantilever with a parabolic shear at its end, solved exactly by S. P. Timoshenko."""
+"""A cantilever with a parabolic shear traction at its end; exact solution of S. P. Timoshenko."""
 
 import numpy as np
 
@@ -19,10 +19,10 @@ from needlefem.materials import Isotropic
 FORCE, LENGTH, DEPTH, MODULUS, RATIO = 1.0, 8.0, 2.0, 1000.0, 0.3
 INERTIA = DEPTH**3 / 12.0
 TIP = 0.267
-"""Exact deflection of the end's middle; a slender beam would give 0.256."""
+"""Exact deflection at the middle of the end; the theory of slender beams gives 0.256."""
 LIMITS = {("Q2", 1): 1e-3, ("P2", 2): 1e-3, ("Q1", 4): 1e-2}
 """Largest relative error of the deflection by element and level: 54, 170 and 594 displacements,
-held ones counted."""
+fixed ones included."""
 COARSEST = {1: (8, 2), 2: (4, 1)}
 """Cells along the beam and across it by degree."""
 
@@ -56,7 +56,7 @@ def shear(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def solve(element: ElementType, level: int) -> StaticSolution:
-    """Hold the root by the exact displacement and shear the end."""
+    """Prescribe the exact displacement at the root and the shear at the end."""
     along, across = COARSEST[element.degree]
 
     def place(square: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def deflection_error(solved: StaticSolution) -> float:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Refine all elements."""
+    """Refine the mesh for all elements."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
@@ -105,8 +105,8 @@ PROBLEM = Problem(
     name="Timoshenko cantilever",
     requirement="A short cantilever deflects by bending and shear.",
     reference="exact, plane stress, exact data at both ends; S. P. Timoshenko, J. N. Goodier 1951",
-    tolerance_rationale="0.1 % with 54 (Q2) and 170 (P2) displacements, 1 % with 594 (Q1); "
-    "bending is "
-    "met late by linear elements, so that their errors fall faster than theory at first",
+    tolerance_rationale="0.1 % with 54 (Q2) and 170 (P2) displacements, 1 % with 594 (Q1); linear "
+    "elements represent bending on fine meshes only, so that their first errors decrease faster "
+    "than the theory predicts",
     run=run,
 )

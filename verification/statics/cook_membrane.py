@@ -1,4 +1,4 @@
-"""S7 and S15: Cook's membrane, a tapered panel in shear, and how elements lock in it."""
+"""Cook's membrane, a tapered panel under shear, and locking of elements."""
 
 import dataclasses
 
@@ -22,7 +22,7 @@ CORNER, MIDDLE = np.array([[48.0, 60.0]]), np.array([[48.0, 52.0]])
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """Plane state, constants, total shear force, and the answers on graded meshes of degree 4."""
+    """Plane state, constants, total shear force, and results on graded meshes of degree 4."""
 
     plane: str
     modulus: float
@@ -51,11 +51,11 @@ LOCKING = {
     "Q2": (-6.10, -2.86, -1.36), "MINI": (-26.4, -10.8, -4.26), "Q1-Bbar": (-7.25, -2.84, -1.19),
     "P2-P1": (-2.73, -1.19, -0.55), "Q2-Q1": (-0.88, -0.39, -0.18),
 }  # fmt: skip
-"""Error of the corner's v in percent on 8, 16, 32 divisions, by an independent code."""
+"""Error of v at the corner in percent on 8, 16, 32 divisions, by an independent program."""
 SHARE = 6e-4
-"""Share by which two right codes may differ: the last digit given, rounded."""
+"""Allowed relative difference of two programs: the last digit given, rounded."""
 WITHIN = {"Q2-Q1": 8, "P2-P1": 32, "Q1-Bbar": 64}
-"""Divisions with which the corner of the rubber case must be within 1 %."""
+"""Divisions for which the corner of the rubber case must be within 1 %."""
 
 
 def place(square: np.ndarray) -> np.ndarray:
@@ -65,7 +65,7 @@ def place(square: np.ndarray) -> np.ndarray:
 
 
 def solve(element: ElementType, divisions: int, case: Case) -> StaticSolution:
-    """Clamp the left side and shear the right one."""
+    """Solve the panel with a clamped left side and a shear traction on the right side."""
     material = Isotropic(youngs_modulus=case.modulus, poissons_ratio=case.ratio)
     mesh = mapped_mesh(element, (divisions, divisions), place)
     problem = BoundaryValueProblem(mesh, element, material, case.plane)
@@ -83,7 +83,7 @@ def corner(solved: StaticSolution) -> float:
 
 
 def compare(name: str, divisions: int, case: Case) -> list[Quantity]:
-    """Return corner, middle and work of a case: they must not be taken for one another."""
+    """Return displacements of corner and middle, and the work, as separate quantities."""
     solved = solve(CATALOGUE[name], divisions, case)
     work = 2.0 * float(solved.stiffness.energy(solved.u[:, None])[0])
     label = f"{name}, plane {case.plane}, E {case.modulus:g}, nu {case.ratio:.5g}"
@@ -100,7 +100,7 @@ def compare(name: str, divisions: int, case: Case) -> list[Quantity]:
 
 
 def locking(quick: bool) -> ProblemResult:
-    """Return the errors of all elements near incompressibility beside the other code's."""
+    """Compare the errors of all elements near incompressibility with those of another program."""
     answers: list[Quantity] = []
     curves, shapes = [], []
     for name, expected in LOCKING.items():
@@ -123,7 +123,7 @@ def locking(quick: bool) -> ProblemResult:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare cases, then elements near incompressibility."""
+    """Compare all cases, then all elements near incompressibility."""
     answers = [answer for case in CASES for answer in compare("Q2", 16, case)]
     if not quick:
         for case in (*NEARLY_INCOMPRESSIBLE, RUBBER):
@@ -158,13 +158,12 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="Cook's membrane",
-    requirement="A tapered panel in shear deflects as it should; linear elements lock near "
-    "incompressibility, elements with a cure do not.",
-    reference="R. D. Cook 1974; values on vertex-graded meshes of degree 4 (28,354 dofs), corner "
-    "(48, 60) and middle (48, 52) of the loaded side apart; errors of elements by another code",
-    tolerance_rationale="1 %: the clamped corner's singularity limits every element to first "
-    "order; two "
-    "codes on the same grid agree to the last digit given",
+    requirement="The deflection of a tapered panel under shear is correct. Near incompressibility "
+    "linear displacement elements lock; B-bar and mixed elements do not.",
+    reference="R. D. Cook 1974; values on graded meshes of degree 4 (28,354 dofs), separately for "
+    "corner (48, 60) and middle (48, 52) of the loaded side; errors of elements by another program",
+    tolerance_rationale="1 %: the singularity at the clamped corner limits all elements to first "
+    "order; two programs agree on the same grid to the last digit given",
     run=run,
     races=RACES,
 )

@@ -1,4 +1,4 @@
-"""S12: an even pressure on a strip of a half-plane (A. Flamant 1892, integrated)."""
+"""A uniform pressure on a strip of a half-plane (A. Flamant 1892, integrated)."""
 
 import numpy as np
 
@@ -18,18 +18,18 @@ from needlefem.materials import Isotropic
 RATIO, PRESSURE, HALF = 0.3, 1.0, 1.0
 SHEAR, KAPPA = 0.5 / (1.0 + RATIO), 3.0 - 4.0 * RATIO
 REACH = 4.0
-"""Half width and depth of the part that is cut out, in half widths of the strip."""
+"""Half width and depth of the mesh, in half widths of the strip."""
 STRESSES = {0.5: (-0.959481, -0.450185), 1.0: (-0.818310, -0.181690), 2.0: (-0.549815, -0.040519)}
-"""Stress along and across the depth under the middle, by depth."""
+"""Lateral and vertical stress below the middle of the strip, by depth."""
 COARSEST = {1: 16, 2: 8}
-"""Cells across by degree; half as many down."""
+"""Number of cells across by degree; the number over the depth is half of it."""
 
 
 def displacement(points: np.ndarray) -> np.ndarray:
     """Return the exact displacement (plane strain, Young's modulus 1); the tissue is y > 0.
 
     Potentials (E. Goursat 1898): ``phi' = i p / 2 pi ln((z - a) / (z + a))``, which is a real
-    pressure on the strip and nothing beside it, and ``psi = phi - z phi'``.
+    pressure on the strip and zero beside it, and ``psi = phi - z phi'``.
     """
     z = points[:, 0] + 1j * np.maximum(points[:, 1], 1e-14)
     left, right = z + HALF, z - HALF
@@ -41,7 +41,7 @@ def displacement(points: np.ndarray) -> np.ndarray:
 
 
 def solve(element: ElementType, level: int) -> StaticSolution:
-    """Hold three sides by the exact displacement: walls would err by a logarithm."""
+    """Prescribe the exact displacement on three sides; fixed sides would cause an error."""
     across = level * COARSEST[element.degree]
 
     def place(square: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ def run(quick: bool) -> ProblemResult:
 
 
 def stresses(name: str, solved: StaticSolution, bound: float) -> list[Quantity]:
-    """Return the stresses under the middle of the strip, in units of the pressure."""
+    """Return the stresses below the middle of the strip, in units of the pressure."""
     answers = []
     for depth, (along, across) in STRESSES.items():
         found = solved.vertex_stress(np.array([0.0, depth]))
@@ -97,11 +97,9 @@ def stresses(name: str, solved: StaticSolution, bound: float) -> list[Quantity]:
 
 PROBLEM = Problem(
     name="strip on a half-plane",
-    requirement="Stress and displacement under a strip of pressure are those of the half-plane "
-    "that the mesh is cut from.",
+    requirement="Stress and displacement under a pressure on a strip are those of the half-plane.",
     reference="exact, plane strain; A. Flamant 1892, potentials of E. Goursat 1898",
     tolerance_rationale="0.5 % of the pressure for stresses at a vertex, 3 % on the coarse mesh; "
-    "0.1 % in "
-    "displacement: the jump of the pressure keeps all elements below their order",
+    "0.1 % in displacement: the discontinuity of the pressure reduces the order of all elements",
     run=run,
 )

@@ -10,15 +10,15 @@ from needlefem.materials import Isotropic
 STRIP = {0.1: 3.0361, 0.2: 3.1526, 0.25: 3.2480, 0.3: 3.3744, 0.4: 3.7472, 0.5: 4.3477, 0.6: 5.319}
 SQUARE = {0.1: 3.086085, 0.2: 3.360116, 0.25: 3.583216, 0.3: 3.879742, 0.4: 4.78307, 0.5: 6.38870,
           0.6: 9.47982}  # fmt: skip
-"""Stress at the hole over the remote one by diameter over width."""
+"""Stress at the hole relative to the remote stress, by diameter over width."""
 LONG = 3.0
-"""Length of a strip over its width: longer changes nothing."""
+"""Length of a strip relative to its width; a longer strip gives the same results."""
 GRADING = 8.0
-"""Size of the outermost cells over that of those at the hole."""
+"""Size of the outermost cells relative to the cells at the hole."""
 
 
 def solve(name: str, share: float, length: float, cells: int) -> StaticSolution:
-    """Pull a quarter of a plate of `length` widths with a hole of radius 1."""
+    """Solve a quarter of a plate of `length` widths under tension, with a hole of radius 1."""
     half = 1.0 / share
     corner = np.array([length * half, half])
 
@@ -58,10 +58,9 @@ def run(quick: bool) -> ProblemResult:
 PROBLEM = Problem(
     name="hole in a plate",
     requirement="The stress concentration at a hole depends on the width and length of the plate.",
-    reference="gross stress over remote stress; square plates by a Michell series with boundary "
-    "residual below 4e-5, strips by series and FEM alike; R. C. J. Howland 1930 for the strip",
-    tolerance_rationale="1 % for a stress at a vertex, not smoothed (Q2, 16 x 32 cells); the "
-    "often used polynomial "
-    "for strips is 0.8 % low at d/W 0.5",
+    reference="gross stress over remote stress; square plates by a Michell series with a boundary "
+    "residual below 4e-5, strips by series and FEM; R. C. J. Howland 1930 for the strip",
+    tolerance_rationale="1 % for a stress at a vertex without smoothing (Q2, 16 x 32 cells); the "
+    "often used polynomial for strips is 0.8 % too low at d/W 0.5",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""S13: a stiff disc in a pulled plate; the stress in it is uniform."""
+"""A stiff disc in a plate under tension; the stress in the disc is uniform."""
 
 import dataclasses
 
@@ -21,9 +21,9 @@ from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic
 
 HALF_WIDTH = 4.0
-"""Of the box, in radii of the disc; its sides are held by the exact displacement."""
+"""Size of the box in radii of the disc; the exact displacement is prescribed on its sides."""
 COARSEST = {1: 4, 2: 2}
-"""Cells along a side of the square inside the disc by degree; twice as many around a quarter."""
+"""Cells along a side of the square inside the disc by degree; twice as many along a quarter."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,7 +123,7 @@ def disc_mesh(element: ElementType, cells: int) -> object:
 
 
 def solve(element: ElementType, level: int, case: Case) -> StaticSolution:
-    """Hold the outer sides by the exact displacement; the inner ones are planes of symmetry."""
+    """Prescribe the exact displacement on the outer sides; the inner sides are symmetry planes."""
     laws = {
         "plate": Isotropic(youngs_modulus=case.plate, poissons_ratio=case.ratio),
         "disc": Isotropic(youngs_modulus=case.disc, poissons_ratio=case.ratio),
@@ -145,12 +145,12 @@ def disc_stress(solved: StaticSolution) -> np.ndarray:
 
 
 def errors(solved: StaticSolution, case: Case) -> float:
-    """Return the relative error of the disc's mean stress along the pull."""
+    """Return the relative error of the mean stress in the disc along the tension."""
     return abs(float(disc_stress(solved)[0]) / case.along - 1.0)
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare the mean stress in the disc, and the displacement everywhere."""
+    """Compare the mean stress in the disc, and the displacement field."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
@@ -194,12 +194,12 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="inclusion",
-    requirement="A disc of another stiffness is strained evenly, as far from it as near.",
+    requirement="The strain in a disc of different stiffness is uniform, and the displacement "
+    "inside and outside is correct.",
     reference="exact, plane strain; J. D. Eshelby 1957, outside by potentials of E. Goursat 1898 "
     "whose coefficients follow from continuity",
-    tolerance_rationale="1 % with 880 displacements (Q2), 0.1 % with 3,552; a polygon stands for "
-    "the circle, so "
-    "that every element is of second order",
+    tolerance_rationale="1 % with 880 displacements (Q2), 0.1 % with 3,552; a polygon approximates "
+    "the circle, so that all elements are of second order",
     run=run,
     races=RACES,
 )

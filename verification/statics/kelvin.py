@@ -1,4 +1,4 @@
-"""S11 and F9: a force spread over a blob, the kernel that a needle's tip stands on."""
+"""A force distributed over a smooth kernel, as for the tip of the needle."""
 
 import numpy as np
 
@@ -21,16 +21,16 @@ SHEAR = 0.5 / (1.0 + RATIO)
 FIRST = 1.0 / (2.0 * np.pi * SHEAR)
 SECOND = FIRST / (4.0 * (1.0 - RATIO))
 DROP = 0.5625504
-"""u(0) - u(1, 0) along a unit force; Young's modulus is 1."""
+"""u(0) - u(1, 0) in the direction of a unit force; Young's modulus is 1."""
 HALF_WIDTH = 0.5
 PLACES = {"node": (0.0, 0.0), "edge": (0.5, 0.0), "centre": (0.5, 0.5), "anywhere": (0.31, 0.17)}
-"""Where the blob sits, in element sizes from a node."""
+"""Centre of the kernel, in element sizes from a node."""
 LIMITS = {("P2", 2): 1e-2, ("P2", 4): 1e-3, ("Q2", 4): 1e-3}
-"""Largest error under the force by element and elements per blob radius."""
+"""Largest error under the force, by element and number of elements per kernel radius."""
 WORST = {"P2": 1.4e-3, "Q2": 6e-4, "P2-P1": 1.4e-3, "Q2-Q1": 6e-4}
-"""Largest error at any place, four elements per blob radius."""
+"""Largest error for any position, with four elements per kernel radius."""
 LINEAR = 5e-2
-"""Least error of linear elements with four elements a radius: they must not carry a needle."""
+"""Smallest error of linear elements with four elements per radius; too large for a needle."""
 
 
 def displacement(points: np.ndarray) -> np.ndarray:
@@ -43,14 +43,14 @@ def displacement(points: np.ndarray) -> np.ndarray:
 
 
 def blob(points: np.ndarray) -> np.ndarray:
-    """Return the force per area, which adds up to one."""
+    """Return the force per area, whose integral is 1."""
     square = np.sum(points**2, axis=1) + SIZE**2
     density = 2.0 * SIZE**4 / (np.pi * square**3)
     return np.stack([density, 0.0 * density], axis=1)
 
 
 def solve(element: ElementType, fineness: int, place: tuple[float, float]) -> StaticSolution:
-    """Solve a square whose sides have the exact displacement; `fineness` elements a radius."""
+    """Solve a square with the exact displacement on its sides; `fineness` elements per radius."""
     count = round(2.0 * HALF_WIDTH / SIZE * fineness)
     offset = np.array(place) * 2.0 * HALF_WIDTH / count
 
@@ -65,13 +65,13 @@ def solve(element: ElementType, fineness: int, place: tuple[float, float]) -> St
 
 
 def under_the_force(solved: StaticSolution) -> float:
-    """Return the error of the displacement under the force, relative to its drop over 1."""
+    """Return the error of the displacement under the force, relative to its decrease over 1."""
     origin = np.zeros((1, 2))
     return float((solved.at(origin) - displacement(origin))[0, 0] / DROP)
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare the displacement under the force, for several places in the element."""
+    """Compare the displacement under the force for several positions in an element."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
@@ -107,7 +107,7 @@ def run(quick: bool) -> ProblemResult:
 
 
 def worst_place(element: ElementType, level: int) -> float:
-    """Return the largest error of all places in an element."""
+    """Return the largest error of all positions in an element."""
     return max(abs(under_the_force(solve(element, level, place))) for place in PLACES.values())
 
 
@@ -123,11 +123,11 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="spread force",
-    requirement="The displacement under a force that is spread over a blob converges, wherever in "
-    "an element the blob sits.",
+    requirement="The displacement under a force that is distributed over a smooth kernel converges "
+    "for all positions of the kernel in an element.",
     reference="exact, plane strain; Lord Kelvin 1848, regularised by R. Cortez 2001",
-    tolerance_rationale="1 % with two quadratic elements a radius, 0.1 % with four, 0.14 % at "
-    "the worst place: the rule for the elements along a needle",
+    tolerance_rationale="1 % with two quadratic elements per radius, 0.1 % with four, 0.14 % at "
+    "the worst position: the rule for the elements along a needle",
     run=run,
     races=RACES,
 )

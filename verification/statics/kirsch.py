@@ -1,4 +1,4 @@
-"""S8: tension around a hole (G. Kirsch 1898), in an infinite plate and in a square one."""
+"""Tension around a hole (G. Kirsch 1898), in an infinite plate and in a square one."""
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def place(square: np.ndarray) -> np.ndarray:
 
 
 def solve(element: ElementType, level: int) -> StaticSolution:
-    """Pull the quarter by the exact tractions on its polygon."""
+    """Solve the quarter with the exact tractions on its polygon."""
     radial, around = COARSEST[element.degree]
     mesh = mapped_mesh(element, (level * radial, level * around), place)
     problem = BoundaryValueProblem(
@@ -73,7 +73,7 @@ def solve(element: ElementType, level: int) -> StaticSolution:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Measure displacements of all elements, and stresses at the hole."""
+    """Compare displacements of all elements, and stresses at the hole."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
@@ -116,8 +116,8 @@ PROBLEM = Problem(
     name="Kirsch plate",
     requirement="Displacement and stress around a hole are those of the exact field.",
     reference="exact, plane stress; G. Kirsch 1898",
-    tolerance_rationale="1 % with 306 displacements, 0.1 % with 1,122; stress at a vertex, not "
-    "smoothed, is an "
-    "order slower: 2 %; graded meshes converge faster than theory at first",
+    tolerance_rationale="1 % with 306 displacements, 0.1 % with 1,122; a stress at a vertex "
+    "without smoothing is of one order less: 2 %; on graded meshes the first errors decrease "
+    "faster than the theory predicts",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""S5: a thick cylinder under internal pressure (G. Lame 1852), compressible and nearly not."""
+"""A thick cylinder under internal pressure (G. Lame 1852), also nearly incompressible."""
 
 import numpy as np
 
@@ -21,14 +21,14 @@ from needlefem.materials import Isotropic
 
 INNER, OUTER, PRESSURE = 1.0, 2.0, 1.0
 MEAN = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
-"""Half the sum of radial and hoop stress, the same everywhere."""
+"""Half the sum of radial and hoop stress, which is uniform."""
 INNER_MOVES = {0.3: 1.9066666667, 0.49: 1.9966, 0.4999: 1.99996666}
 OUTER_MOVES = {0.3: 1.2133333333, 0.49: 1.0132, 0.4999: 1.00013332}
 """Radial displacement of the arcs by Poisson's ratio."""
 COARSEST = {1: (8, 12), 2: (4, 6)}
-"""Cells along radius and arc by degree: 216 displacements. Those of degree 2 are curved."""
+"""Cells along radius and arc by degree: 216 displacements. Cells of degree 2 are curved."""
 SPREAD = 2e-2
-"""Largest share by which P2-P1's error may change as nu goes from 0.49 to 0.499999."""
+"""Largest relative change of the error of P2-P1 between nu 0.49 and 0.499999."""
 
 
 class Cylinder:
@@ -56,20 +56,20 @@ class Cylinder:
         return factor * ((1.0 - 2.0 * self.ratio) * eye + OUTER**2 / radius**2 * (eye - 2 * outer))
 
     def traction(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Return the traction on any face: the polygon's own problem has this field too."""
+        """Return the traction on any face; the polygon has the same solution."""
         radius2 = np.sum(points**2, axis=1)[:, None]
         along = np.sum(points * normals, axis=1)[:, None] * points / radius2
         return MEAN * (normals + OUTER**2 / radius2 * (normals - 2.0 * along))
 
 
 def place(square: np.ndarray) -> np.ndarray:
-    """Map the unit square to a quarter of the ring: radius along the first axis."""
+    """Map the unit square to a quarter of the ring; the first axis is the radius."""
     radius, angle = INNER + (OUTER - INNER) * square[:, 0], 0.5 * np.pi * square[:, 1]
     return radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def solve(element: ElementType, level: int, ratio: float) -> StaticSolution:
-    """Solve the quarter: symmetry on its straight sides, exact tractions on both arcs."""
+    """Solve a quarter with symmetry on its straight sides and exact tractions on both arcs."""
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
     exact = Cylinder(ratio)
     across, along = COARSEST[element.degree]
@@ -83,7 +83,7 @@ def solve(element: ElementType, level: int, ratio: float) -> StaticSolution:
 
 
 def mean_stress_error(solved: StaticSolution) -> float:
-    """Return the largest relative error of the in-plane mean stress in the cells' middles."""
+    """Return the largest relative error of the in-plane mean stress at the centres of cells."""
     middle = solved.space.element.nodes[: solved.space.mesh.t.shape[0]].mean(axis=0)
     stress = solved.stress(middle[None])[:, 0]
     return float(np.max(np.abs(0.5 * (stress[:, 0] + stress[:, 1]) / MEAN - 1.0)))
@@ -129,12 +129,12 @@ def arcs(label: str, solved: StaticSolution, ratio: float) -> list[Quantity]:
 BESIDE = {
     "P1": 0.29, "Q1": 0.80, "P2": 3.3e-2, "Q2": 9.0e-2, "P2-P1": 3.5e-4, "Q2-Q1": 2.6e-4
 }  # fmt: skip
-"""Error in L2 on the coarsest mesh at nu 0.4999 by an independent code, two digits: the first four
-lock."""
+"""Error in L2 on the coarsest mesh at nu 0.4999 by an independent program, two digits; the first
+four elements lock."""
 
 
 def of_element(name: str, quick: bool) -> tuple[list[Quantity], list[Curve], StaticSolution]:
-    """Return what is asked of one element."""
+    """Return quantities, curves and the solution for one element."""
     element = CATALOGUE[name]
     answers: list[Quantity] = []
     curves: list[Curve] = []
@@ -163,7 +163,7 @@ def of_element(name: str, quick: bool) -> tuple[list[Quantity], list[Curve], Sta
 
 
 def refusal(name: str, solved: StaticSolution) -> list[Quantity]:
-    """Return the answer that an untrustworthy stress is refused, not given."""
+    """Return whether an element refuses to return a stress that would not be accurate."""
     try:
         solved.stress(np.array([[0.3, 0.3]]))
         refused = 0.0
@@ -173,7 +173,7 @@ def refusal(name: str, solved: StaticSolution) -> list[Quantity]:
 
 
 def pressures() -> list[Quantity]:
-    """Return the mean stress of those whose stress may be read near incompressibility."""
+    """Return the mean stress of elements whose stress is accurate near incompressibility."""
     return [
         Quantity(label=f"{name}, nu 0.4999: mean stress", value=mean_stress_error(
             solve(CATALOGUE[name], 2, 0.4999)), tolerance=2e-2)
@@ -182,7 +182,7 @@ def pressures() -> list[Quantity]:
 
 
 def towards_incompressible() -> Quantity:
-    """Return how the error of P2-P1 changes from nu 0.49 to 0.499999."""
+    """Return the change of the error of P2-P1 between nu 0.49 and 0.499999."""
     errors = [curve("P2-P1", ratio, (2,))[0]["L2"].errors[0] for ratio in (0.49, 0.499999)]
     return Quantity(
         label="P2-P1: error at nu 0.499999 over that at 0.49", value=errors[1] / errors[0],
@@ -191,7 +191,7 @@ def towards_incompressible() -> Quantity:
 
 
 def run(quick: bool) -> ProblemResult:
-    """Measure errors, orders, stresses and refusals of all elements."""
+    """Compare errors, orders and stresses of all elements, and refused stresses."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
@@ -220,13 +220,13 @@ RACES = [
 ]
 PROBLEM = Problem(
     name="Lame cylinder",
-    requirement="Displacement and mean stress of a thick cylinder are right, for any Poisson's "
-    "ratio that the element is made for; stresses that would be wrong are refused.",
+    requirement="Displacement and mean stress of a thick cylinder are correct for each Poisson's "
+    "ratio in the range of the element. A stress that would not be accurate is refused.",
     reference="exact, plane strain; G. Lame 1852",
     tolerance_rationale="1 % (Q1, Q1-Bbar) and 0.1 % (P2, Q2) with 216 displacements, 0.1 % "
-    "(P2-P1, Q2-Q1) with "
-    "251 unknowns near incompressibility; orders within 0.15; errors that another code has to "
-    "the two digits given; two digits of the error of P2-P1 stay as nu nears 1/2",
+    "(P2-P1, Q2-Q1) with 251 unknowns near incompressibility; orders within 0.15; errors of "
+    "another program to the two digits given; two digits of the error of P2-P1 do not change as "
+    "nu approaches 1/2",
     run=run,
     races=RACES,
 )

@@ -1,4 +1,4 @@
-"""S9: NAFEMS LE1, an elliptic membrane under outward pressure."""
+"""NAFEMS LE1, an elliptic membrane under outward pressure."""
 
 import numpy as np
 
@@ -29,8 +29,8 @@ LIMITS = {
 }  # fmt: skip
 """Largest error of the direct stress at D by element and level."""
 COARSEST = {1: (8, 16), 2: (4, 8)}
-"""Cells from ellipse to ellipse and along them by degree: level 2 has 1,122 displacements for
-those of degree 2, held ones counted, which follow the ellipses by curved edges."""
+"""Cells between the ellipses and along them by degree: level 2 has 1,122 displacements for degree
+2, fixed ones included; its edges are curved and follow the ellipses."""
 
 
 def place(square: np.ndarray) -> np.ndarray:
@@ -41,13 +41,13 @@ def place(square: np.ndarray) -> np.ndarray:
 
 
 def pull(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return the pressure with the normal of the ellipse, not of the chord."""
+    """Return the pressure with the normal of the ellipse instead of the chord."""
     away = points / OUTER**2
     return PRESSURE * away / np.linalg.norm(away, axis=1)[:, None] + 0.0 * normals
 
 
 def solve(element: ElementType, level: int) -> StaticSolution:
-    """Pull the outer ellipse; the straight sides are planes of symmetry."""
+    """Solve with the pressure on the outer ellipse; the straight sides are symmetry planes."""
     across, along = COARSEST[element.degree]
     bent = element.degree > 1
     mesh = mapped_mesh(element, (level * across, level * along), place, bent=bent)
@@ -64,12 +64,12 @@ def solve(element: ElementType, level: int) -> StaticSolution:
 
 
 def hoop(solved: StaticSolution) -> float:
-    """Return the direct stress at D, the mean of the cells that meet there."""
+    """Return the direct stress at D, averaged over the adjacent cells."""
     return float(solved.vertex_stress(POINT_D)[1])
 
 
 def run(quick: bool) -> ProblemResult:
-    """Compare the stress at D on finer and finer meshes."""
+    """Compare the stress at D on finer meshes."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     shapes: list[Shape] = []
@@ -92,10 +92,9 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="NAFEMS LE1",
-    requirement="The stress where an elliptic hole is most strained is right.",
+    requirement="The largest stress at an elliptic hole is correct.",
     reference="92.657 MPa, converged; NAFEMS LE1 (1990) publishes 92.7",
     tolerance_rationale="1 % with 1,122 displacements (Q2), 0.2 % on the finest mesh; the stress "
-    "is read where it "
-    "changes most, at a corner, and not smoothed",
+    "is evaluated at a vertex in the region of the steepest gradient, without smoothing",
     run=run,
 )

@@ -1,4 +1,4 @@
-"""S4: manufactured solutions converge at the order of theory, and from a small error."""
+"""Manufactured solutions: order of convergence and size of the error."""
 
 from needlefem.checks import (
     GENERAL,
@@ -17,7 +17,7 @@ from needlefem.fem import BoundaryValueProblem, StaticSolution
 from needlefem.materials import Isotropic, plane_volumetric_split
 
 FINEST = {1: 32, 2: 16}
-"""Divisions of the finest mesh by degree: as many unknowns for both."""
+"""Divisions of the finest mesh by degree, with equal numbers of unknowns."""
 CEILING = {(1, "L2"): 4e-3, (1, "H1"): 6.5e-2, (2, "L2"): 2.2e-4, (2, "H1"): 6e-3}
 """Largest relative error on the finest mesh."""
 
@@ -25,7 +25,7 @@ CEILING = {(1, "L2"): 4e-3, (1, "H1"): 6.5e-2, (2, "L2"): 2.2e-4, (2, "H1"): 6e-
 def solve(
     element: ElementType, divisions: int, ratio: float, field: Manufactured
 ) -> StaticSolution:
-    """Return the solution on a distorted square, held on its whole boundary."""
+    """Return the solution on a distorted square with prescribed boundary displacements."""
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
     problem = BoundaryValueProblem(distorted_mesh(element, divisions, 0.2), element, material)
     problem.fix(None, field.displacement)
@@ -49,7 +49,7 @@ def study(name: str, ratio: float, field: Manufactured, quick: bool) -> dict[str
 
 
 def run(quick: bool) -> ProblemResult:
-    """Refine at nu 0.3 with a general field, and at 0.4999 with one that keeps its volume."""
+    """Refine at nu 0.3 with a general field, and at 0.4999 with a field of constant volume."""
     answers: list[Quantity] = []
     curves: list[Curve] = []
     for name, element in CATALOGUE.items():
@@ -74,12 +74,11 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="manufactured solutions",
-    requirement="Displacement and strain converge at the order of the element's degree, from a "
-    "small error, also near incompressibility where the element is made for it; linear elements "
-    "without a cure lock there.",
+    requirement="Displacement and strain converge with the order of the element's degree from a "
+    "small error; near incompressibility too for elements made for it. Linear displacement "
+    "elements lock there.",
     reference="exact under its own body force; P. J. Roache 2002",
-    tolerance_rationale="orders within 0.15 on distorted meshes; ceilings a third above the "
-    "least accurate element "
-    "of each degree, to hold the level as well as the slope",
+    tolerance_rationale="orders within 0.15 on distorted meshes; the limits of errors are a third "
+    "above the largest error of each degree, so that the error is tested as well as the order",
     run=run,
 )

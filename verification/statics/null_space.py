@@ -1,4 +1,4 @@
-"""S3: an unsupported tissue has exactly three motions that cost nothing."""
+"""The null space of an unsupported tissue consists of three rigid motions."""
 
 import dataclasses
 
@@ -20,11 +20,11 @@ from needlefem.materials import Isotropic
 
 
 def run(quick: bool) -> ProblemResult:
-    """Count zero eigenvalues of K, and measure the force that rigid motions cost."""
+    """Count the zero eigenvalues of K, and compute the force due to rigid motions."""
     answers = []
     for name, element in CATALOGUE.items():
         material = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
-        model = rectangle(element, material, 4)  # K itself knows of no supports
+        model = rectangle(element, material, 4)  # K without supports
         modes = Quantity(
             label=f"{name}: zero modes", value=zero_modes(model), reference=3.0, tolerance=0.0
         )
@@ -41,7 +41,7 @@ def run(quick: bool) -> ProblemResult:
             at_least=True,
         )
         answers += [modes, gap, force]
-    # on a regular mesh one more motion is blind
+    # on a regular mesh there is one more zero mode
     blind = dataclasses.replace(CATALOGUE["Q1"], name="X", stiffness_rule=gauss(1))
     law = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
     values = spectrum(BoundaryValueProblem(distorted_mesh(blind, 4), blind, law).stiffness)
@@ -54,8 +54,8 @@ def run(quick: bool) -> ProblemResult:
 
 PROBLEM = Problem(
     name="null space",
-    requirement="Two translations and one rotation cost no force, and nothing else.",
-    reference="exact; linear elasticity is indifferent to infinitesimal rigid motions",
-    tolerance_rationale="a count is exact; forces are round-off",
+    requirement="Two translations and one rotation cause no force; all other motions do.",
+    reference="exact; linear elasticity is invariant under infinitesimal rigid motions",
+    tolerance_rationale="the number is exact; forces are round-off",
     run=run,
 )

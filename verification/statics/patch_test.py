@@ -1,4 +1,4 @@
-"""S1: a constant strain is reproduced exactly on any mesh."""
+"""Patch test: a constant strain is reproduced exactly on any mesh."""
 
 from needlefem.checks import (
     Problem,
@@ -12,7 +12,7 @@ from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 
 PULLED = 100.0
-"""How much more round-off a patch may have that only three displacements hold."""
+"""Factor on the round-off of a patch with only three fixed displacements."""
 
 
 def run(quick: bool) -> ProblemResult:

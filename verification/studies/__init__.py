@@ -1,4 +1,4 @@
-"""Studies that prove the package, by name; each is one file with a function ``study``."""
+"""Studies that test the package as a whole, by name; each file has a function ``study``."""
 
 STUDIES = {
     "steps": "a hundred thousand steps with inertia, to and fro: what drifts",

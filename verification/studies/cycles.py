@@ -1,7 +1,8 @@
-"""Ten thousand times in, rest, and out: the tissue comes to rest, and memory does not grow.
+"""Ten thousand cycles of insertion, rest and retraction: residual energy and memory.
 
-A needle that comes back to the same depth finds the friction next to its tip not yet at its
-limit: the tip carries more and cuts on a little, by ever less from cycle to cycle.
+When the needle returns to the same depth, the friction next to the tip has not reached its limit
+yet. The tip force is therefore larger and the tip cuts further, by a distance that decreases from
+cycle to cycle.
 """
 
 import itertools
@@ -17,20 +18,20 @@ from needlefem.studies import Table
 
 CYCLES = 10_000
 PIECES = 3
-"""Of the path; long ones, for there are many steps."""
+"""Path spacing, m; large, because the number of steps is large."""
 LEFT, GROWTH = 1e-9, 0.02
-"""Largest strain energy with the needle out, over the work; largest growth of memory after a
-tenth of the cycles."""
+"""Largest strain energy after the retraction, relative to the work; largest growth of memory after
+a tenth of the cycles."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return forces, places and memory at some of the cycles."""
+    """Return forces, tip positions and memory in some of the cycles."""
     del other
     return [cycled(scene, CYCLES)]
 
 
 def cycled(scene: Scene, cycles: int) -> Table:
-    """Return the table of so many cycles."""
+    """Return the table for a number of cycles."""
     depth = 0.5 * scene.motion.max_depth
     once = (Stage(depth=depth), Stage(dwell=1.0), Stage(depth=-1e-3))
     changes = {
@@ -76,10 +77,10 @@ def cycled(scene: Scene, cycles: int) -> Table:
 
 
 def advance(tip: Vector, before: Vector) -> tuple[float, float]:
-    """Return the distance of the tip's material from the origin, cm, and from before, um."""
+    """Return the distance of the tip's material from the origin, cm, and from `before`, um."""
     return 100.0 * float(np.linalg.norm(tip)), 1e6 * float(np.linalg.norm(tip - before))
 
 
 def most_memory() -> float:
-    """Return the most memory that the process ever had, MiB."""
+    """Return the largest memory of the process so far, MiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -1,7 +1,8 @@
-"""Friction that falls from static to kinetic, over a length and at once, as steps get shorter.
+"""Friction that decreases from static to kinetic, gradually or suddenly, for decreasing steps.
 
-The needle goes in, rests, and goes on. What rested sticks harder; the force then needed to move
-on is a number of the tissue if friction falls over a length, and of the step if it does not.
+The needle is inserted, rests, and continues. The force at which it continues after the rest is
+larger, because the sticking segments have static friction. With a slip-weakening distance this
+force converges as the steps decrease; without one it depends on the step.
 """
 
 import numpy as np
@@ -11,18 +12,18 @@ from needlefem.scene import Scene, Stage, vary
 from needlefem.studies import Table
 
 RATIO = 1.5
-"""Static over kinetic friction, as the paper has a pair of them."""
+"""Ratio of static to kinetic friction."""
 LENGTH = 1e-3
-"""Over which it falls, m."""
+"""Slip-weakening distance, m."""
 STEPS = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3)
 """Travel of the needle in a step, m."""
 SETTLED, UNSETTLED = 0.01, 0.05
-"""Largest change of the force over the last halving when it falls over a length; smallest over
-all of them when it does not; relative."""
+"""Largest relative change of the force in the last halving of the step with a slip-weakening
+distance; smallest relative change over all halvings without one."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return the force at which the rested needle moves on, over the step."""
+    """Return the force at which the needle continues after the rest, for each step."""
     del other
     found = {length: [_peak(scene, length, step) for step in STEPS] for length in (LENGTH, 0.0)}
     rows = [
@@ -44,10 +45,10 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def _peak(scene: Scene, length: float, step: float) -> float:
-    """Return the largest force within the first part of the way on, N (N/m in 2D)."""
+    """Return the largest force in the first part of the continued insertion, N (N/m in 2D)."""
     deep = scene.motion.max_depth
     on = 0.5 * deep + 4.0 * LENGTH
-    fast = 100.0 * scene.motion.speed  # time is of no consequence: long steps on the way in
+    fast = 100.0 * scene.motion.speed  # the result does not depend on time: long steps
     stages = (Stage(depth=0.5 * deep, speed=fast), Stage(dwell=1.0), Stage(depth=on))
     changes = {
         "motion.stages": stages,

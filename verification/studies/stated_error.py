@@ -1,7 +1,7 @@
-"""Whether a case's own plan misses by less than its stated error, on a tissue taken as exact.
+"""Compare the stated error of a case's own plan with its error on a reference tissue.
 
-The exact tissue is the finest that is affordable; of a mesh from a file it is that mesh with
-every cell uniformly_refined twice. Its path has a quarter of the spacing or less.
+The reference tissue is the finest that is feasible; for a mesh from a file it is this mesh after
+two uniform refinements. Its path spacing is at most a quarter of that of the plan.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ from needlefem.scene import FileMesh, Scene, vary
 from needlefem.studies import Table
 
 PATH = 0.25
-"""Path spacing on a uniformly_refined mesh over that of the plan."""
+"""Path spacing on a refined mesh relative to that of the plan."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return the estimate, the stated and the true error of the case's own plan."""
+    """Return the estimate, the stated error and the true error of the case's own plan."""
     del other
     found = plan(scene)
     if found.evidence is None or found.evidence.estimate is None:
@@ -44,7 +44,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def exact(scene: Scene, found: Plan) -> Simulation:
-    """Return the tissue of a plan on a discretisation that is taken as exact."""
+    """Return the reference tissue for a plan."""
     concrete = found.insertion.scene
     if not isinstance(concrete.mesh, FileMesh):
         turned = vary(scene, {"motion.direction": concrete.motion.direction})

@@ -1,1 +1,1 @@
-"""What several reference problems share."""
+"""Models and closed forms that several reference problems use."""

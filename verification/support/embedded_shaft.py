@@ -1,4 +1,4 @@
-"""A needle that lies in a tissue from end to end: friction alone, without a tip."""
+"""A shaft that is embedded in a tissue over its full length: friction without a tip."""
 
 import numpy as np
 
@@ -9,37 +9,37 @@ from needlefem.insertion import straight_contact
 from needlefem.needle import InsertionAxis, NeedleInterface, PointKernel, cross_section
 
 LATERAL_STIFFNESS = 1e9
-"""Of the hold on the axis, N/m^3; where tissue moves along the axis alone it does nothing."""
+"""Lateral penalty, N/m^3; without effect where the tissue moves along the axis only."""
 
 
 class EmbeddedShaft:
-    """A shaft in an unloaded tissue, moved along its axis by as much as one wants.
+    """A shaft in an unloaded tissue that is moved along its axis by prescribed distances.
 
     Parameters
     ----------
     model : TissueModel
     ends : two arrays, shape (dim,), m
-        Where it begins and ends.
+        Ends of the shaft.
     pieces : int
-        Equal ones, in which friction sticks or slips.
+        Number of segments of equal length.
     limit : float, N/m (Pa in 2D)
         Kinetic friction per length.
     friction : SlipWeakeningFriction, optional
-        How it weakens and gives.
+        Slip weakening and compliance of sticking.
     thickness : float, m
-        Radius over which its forces are spread across the axis.
+        Radius over which the forces are distributed across the axis.
 
     Attributes
     ----------
     travel : float, m
     pull : array, shape (pieces,), N (N/m in 2D)
-        Friction on the pieces.
+        Friction forces on the segments.
     moved : array, shape (pieces,), m
-        Axial displacement of the tissue there.
+        Axial displacement of the tissue at the segments.
     slipping : array, shape (pieces,)
-        1, -1: way in which the needle slipped in the last step; 0: it stuck.
+        1, -1: direction of slip in the last step; 0: the segment stuck.
     dissipated : float, J (J/m in 2D)
-        By sliding, forces taken as their means over steps.
+        Friction work with the mean forces of the steps.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class EmbeddedShaft:
         self._slipped: Floats = np.zeros(pieces)
 
     def move(self, travel: float) -> float:
-        """Move the needle to a place (m, from where it was put) and return its force, N (N/m)."""
+        """Move the needle to a position (m, from its first one); return its force, N (N/m)."""
         rub = FrictionStep(
             friction=self.friction,
             kinetic=self.kinetic,
@@ -83,14 +83,14 @@ class EmbeddedShaft:
 
     @property
     def strain_energy(self) -> float:
-        """Energy of the tissue, J (J/m in 2D)."""
+        """Strain energy of the tissue, J (J/m in 2D)."""
         return 0.5 * float(self.pull @ self.moved)
 
 
 def _path(
     model: TissueModel, ends: tuple[Vector, Vector], pieces: int, thickness: float
 ) -> CondensedContact:
-    """Return a contact with a path of equal pieces, held on the axis."""
+    """Return a contact with a path of equal segments and a lateral penalty."""
     start, end = ends
     direction = (end - start) / np.linalg.norm(end - start)
     instrument = NeedleInterface(

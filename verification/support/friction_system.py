@@ -1,4 +1,4 @@
-"""Simple systems under dry friction, by the needle's own friction and the tissue's integrators."""
+"""Simple systems under dry friction, solved by the needle's friction and the integrators."""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -17,33 +17,33 @@ from needlefem.dynamics import (
 )
 
 MEAN = AlphaParameters(0.5, 0.5, 0.25, 0.5)
-"""Average acceleration; friction is its mean over a step."""
+"""Average acceleration; the mean friction force of each step is in equilibrium."""
 END = AlphaParameters(0.0, 0.0, 0.25, 0.5)
-"""Average acceleration; friction is that at a step's end."""
+"""Average acceleration; the friction force at the end of each step is in equilibrium."""
 FINE = 1e-13
-"""Part of a step to which an event is located."""
+"""Tolerance of the time of an event relative to the step."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrictionState:
-    """A system under friction at one time.
+    """State of a system under friction at one time.
 
     Parameters
     ----------
     time : float, s
     motion : KinematicState
     pull : array, shape (k,), N
-        Friction of the last step.
+        Friction forces of the last step.
     slid : array, shape (k,)
-        1, -1: way in which what rubs went over the points in it; 0: they stick.
+        1, -1: direction in which the counterpart slid in the last step; 0: the point stuck.
     slipped : array, shape (k,), m
-        Since they stuck.
+        Slip since the point last stuck.
     work : float, J
-        Of the load and of what rubs.
+        Work of the load and of the counterpart.
     dissipated : float, J
-        By friction: its force in a step times the slip.
+        Friction work: friction force of a step times slip.
     damped : float, J
-        By viscosity.
+        Viscous dissipation.
     """
 
     time: float
@@ -57,19 +57,19 @@ class FrictionState:
 
 
 class FrictionSystem:
-    """``M a + C v + K u = f + B^T p`` with friction p against something that moves evenly.
+    """``M a + C v + K u = f + B^T p`` with friction p on a counterpart of constant velocity.
 
     Parameters
     ----------
     system : MatrixSystem
     rows : array, shape (k, n)
-        Points that are rubbed on, B.
+        Points with friction, B.
     kinetic : float, N
-        Friction limit of each when slipping.
+        Kinetic friction limit of each point.
     friction : SlipWeakeningFriction
-        How it weakens.
+        Slip weakening.
     speed : float, m/s
-        Of what rubs on them.
+        Velocity of the counterpart.
     load : callable, optional
         Takes a time, s; returns the force on the system, shape (n,), N.
     weights : AlphaParameters, optional
@@ -98,7 +98,7 @@ class FrictionSystem:
         return np.zeros(self.system.size) if self._load is None else self._load(time)
 
     def start(self, u: Floats, v: Floats) -> FrictionState:
-        """Return a start from displacement and velocity; what moves with its partner sticks."""
+        """Return the initial state; points with the velocity of the counterpart stick."""
         away = self.speed - self.rows @ v
         slid, motion = np.sign(away), KinematicState(u, v, np.zeros_like(u))
         pull, slipped = slid * self.kinetic, np.where(slid == 0.0, 0.0, np.inf)
@@ -116,7 +116,7 @@ class FrictionSystem:
         return found
 
     def step(self, old: FrictionState, duration: float, *, keep: bool = True) -> FrictionState:
-        """Return the state a step later."""
+        """Return the state after a step."""
         stepper, columns = self._ready(duration, keep=keep)
         force = self._force(old, duration)
         free = stepper.free_motion(old.motion, force)
@@ -150,12 +150,12 @@ class FrictionSystem:
         )
 
     def _force(self, old: FrictionState, duration: float) -> Floats:
-        """Return the load where the step is balanced."""
+        """Return the load at the time of equilibrium in the step."""
         before, share = self.load(old.time), self.weights.force
         return share * before + (1.0 - share) * self.load(old.time + duration)
 
     def missing(self, start: FrictionState, end: FrictionState) -> float:
-        """Return the work that is not accounted for, over the work, between two states."""
+        """Return the energy residual between two states, relative to the work."""
         energies = [
             kinetic_energy(self.system, state.motion.v) + self.system.strain_energy(state.motion.u)
             for state in (start, end)
@@ -166,21 +166,21 @@ class FrictionSystem:
         return abs(work - spent) / abs(work)
 
     def iterate(self, state: FrictionState, step: float, count: int) -> Iterator[FrictionState]:
-        """Yield the states after steps of one duration."""
+        """Yield the states after steps of equal duration."""
         for _ in range(count):
             state = self.step(state, step)
             yield state
 
     def last(self, state: FrictionState, step: float, count: int) -> FrictionState:
-        """Return the state after steps of one duration."""
+        """Return the state after a number of steps of equal duration."""
         for _ in range(count):
             state = self.step(state, step)
         return state
 
-    # one point, with its events located
+    # one point, with exact times of its events
 
     def located(self, state: FrictionState, step: float, until: float) -> Iterator[FrictionState]:
-        """Yield the states of a single point, with steps cut where it sticks or breaks loose."""
+        """Yield the states of a single point; steps end where it sticks or begins to slip."""
         while state.time < until - FINE * step:
             duration = min(step, until - state.time)
             event = self._event(state, duration)
@@ -192,7 +192,7 @@ class FrictionSystem:
             yield state
 
     def _event(self, state: FrictionState, duration: float) -> float | None:
-        """Return the duration after which the point sticks or breaks loose; None: not so soon."""
+        """Return the time until the point sticks or begins to slip, or None if after the step."""
 
         def ahead(tried: float) -> float:
             if state.slid[0] == 0.0:
@@ -206,7 +206,7 @@ class FrictionSystem:
         return float(brentq(ahead, tiny, duration, xtol=FINE * duration))
 
     def _sliding(self, state: FrictionState, duration: float) -> KinematicState:
-        """Return the motion if the points slide on."""
+        """Return the motion if the points continue to slide."""
         stepper, columns = self._ready(duration, keep=False)
         free = stepper.free_motion(state.motion, self._force(state, duration))
         return stepper.advance(state.motion, free + columns @ (state.slid * self.kinetic))
@@ -215,7 +215,7 @@ class FrictionSystem:
         return float(self.friction.limits(self.kinetic, np.zeros(len(self.kinetic)))[0])
 
     def reaction(self, state: FrictionState) -> float:
-        """Return the force that a point takes to keep its velocity, N: a multiplier, not M a."""
+        """Return the force that keeps the velocity of a point constant, N (a multiplier)."""
         inverse, motion = self.system.factor(1.0, 0.0, 0.0), state.motion
         force = self.load(state.time)
         free = inverse.solve(force - self.system.products(None, motion.v, motion.u))
@@ -223,12 +223,12 @@ class FrictionSystem:
         return -float(np.linalg.solve(gentle, self.rows @ free)[0])
 
     def _at_event(self, state: FrictionState, *, sliding: bool) -> FrictionState:
-        """Let the point stick or break loose, with the acceleration that it then has."""
+        """Return the state after the event, with the acceleration that then follows."""
         motion, none = state.motion, np.zeros(1)
         needed = self.reaction(state)
         if sliding and abs(needed) <= self._limit():
             pull, slid, slipped = np.array([needed]), none, none
-        else:  # it breaks loose, or turns round at once
+        else:  # it begins to slip, or reverses its direction
             slid = np.array([np.sign(needed)])
             pull, slipped = slid * self.kinetic, none
         force = self.load(state.time) + self.rows.T @ pull

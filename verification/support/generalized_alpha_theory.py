@@ -1,4 +1,4 @@
-"""The generalised-alpha family in closed form, apart from the code that steps."""
+"""Closed forms of the generalised-alpha family, independent of the steppers."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from needlefem._arrays import Complexes
 
 
 def eigenvalues(mass: float, force: float, beta: float, gamma: float, step: float) -> Complexes:
-    """Return what a free step multiplies an undamped oscillator's motions by, shape (3,).
+    """Return the eigenvalues of a free step of an undamped oscillator, shape (3,).
 
     ``d' - d = v + (1/2 - beta) a + beta a'`` and ``v' - v = (1 - gamma) a + gamma a'``, in units
     of the step, with ``(1 - mass) a' + mass a + O^2 ((1 - force) d' + force d) = 0`` and
-    ``x' = x z`` leave a cubic in z (J. Chung, G. M. Hulbert 1993). `step` is ``O = w dt``.
-    The root that stands for no motion stays among them.
+    ``x' = x z`` give a cubic equation in z (J. Chung, G. M. Hulbert 1993). `step` is ``O = w dt``.
+    The spurious root is returned, too.
     """
     still = np.poly1d([1.0, -1.0]) ** 2
     moved = np.poly1d([beta, 0.5 + gamma - 2.0 * beta, 0.5 + beta - gamma])
@@ -26,7 +26,7 @@ def radius(mass: float, force: float, beta: float, gamma: float, step: float) ->
 
 
 def period(mass: float, force: float, beta: float, gamma: float, step: float) -> float:
-    """Return the period over that of the exact motion, by the root nearest to that."""
+    """Return the period relative to the exact one, from the root closest to the exact value."""
     values = eigenvalues(mass, force, beta, gamma, step)
     nearest = values[np.argmin(np.abs(values - np.exp(1j * step)))]
     return float(step / abs(np.angle(nearest)))

@@ -1,4 +1,4 @@
-"""Scenes that several reference problems push a needle into."""
+"""A stiff disc in gel with a needle: a scene of several reference problems."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from needlefem.materials import Isotropic
 from needlefem.scene import BoxMesh, Discretization, Motion, Needle, Region, Scene, Stage, Support
 
 SIZE, CENTRE, RADIUS = 0.06, (0.036, 0.025), 0.012
-"""Edge of the square, centre and radius of the organ, m."""
+"""Side of the square, centre and radius of the organ, m."""
 MODULI = {"gel": 30e3, "stiff": 90e3}
 """Young's moduli, Pa."""
 
@@ -32,16 +32,16 @@ def organ_in_gel(
     ----------
     element : str
     divisions : int
-        Squares along every side.
+        Squares along each side.
     spacing : float, m
-        Length of the path's pieces.
+        Path spacing.
     max_depth : float, m
     stages : sequence of Stage
-        Of the motion; one push when left out.
+        Stages of the motion; a single insertion by default.
     tip_radius : float, m
     friction : float, Pa
     corners : int
-        Of the polygon that outlines the disc.
+        Number of vertices of the polygon around the disc.
     """
     turn = 2.0 * np.pi * np.arange(corners) / corners
     outline = np.array(CENTRE) + RADIUS * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -69,5 +69,5 @@ def organ_in_gel(
 
 
 def _points(tip_radius: float, divisions: int) -> int:
-    """Return three kernel points per element length, which the records were made with."""
+    """Return three kernel points per element length, with which the records were made."""
     return min(400, max(48, math.ceil(math.pi * (3.0 * tip_radius * divisions / SIZE) ** 2)))
