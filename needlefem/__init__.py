@@ -57,7 +57,7 @@ def _png_of(result: Any) -> bytes | None:
 
 
 def _register_formatters(shell: Any) -> None:
-    """Let an IPython shell show scenes and results as a table, with a picture if it can draw."""
+    """Register an IPython formatter that shows scenes and results as a table with a picture."""
     formatters = shell.display_formatter.formatters
     for module, name in _SHOWN_IN_NOTEBOOKS:
         formatters["text/html"].for_type_by_name(module, name, _html_of)

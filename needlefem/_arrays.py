@@ -12,7 +12,7 @@ Bools = NDArray[np.bool_]
 Points = Floats
 """Points as rows, shape (n, dim), m."""
 Vector = Floats
-"""One vector of the space, shape (dim,)."""
+"""A vector, shape (dim,)."""
 Sparse = Any
 """A scipy.sparse array or matrix (scipy ships no types)."""
 SkfemMesh = Any
@@ -20,7 +20,7 @@ SkfemMesh = Any
 
 
 def enlarged(array: Floats, rows: int, columns: int) -> Floats:
-    """Return the array with at least as many rows and columns, doubling when it must grow."""
+    """Return an array with at least as many rows and columns; its size is doubled if needed."""
     have = array.shape
     if have[0] >= rows and have[1] >= columns:
         return array

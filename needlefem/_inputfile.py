@@ -1,7 +1,7 @@
-"""Files of the user's, opened safely: regular files of a bounded size, and text in UTF-8.
+"""Safe reading of the user's files: regular files of limited size, and text in UTF-8.
 
-Every reader of the package passes here before it opens a file. A named pipe or a device such as
-``/dev/zero`` would block or never end, and a foreign reader would not say why.
+All readers of the package call these functions before they open a file. A named pipe or a device
+such as ``/dev/zero`` would block or never end, and a library would not report the reason.
 """
 
 import errno
@@ -12,7 +12,7 @@ from pathlib import Path
 from needlefem.errors import CaseError
 
 LIMIT_VARIABLE = "NEEDLEFEM_LARGEST_FILE"
-"""Environment variable that raises the limit for the size of a file, in megabytes."""
+"""Environment variable with the largest size of a file, in megabytes."""
 MEGABYTE = 1_000_000
 LARGEST_TEXT = 64
 """Largest size of a text (a case, a contour, a table), megabytes."""
@@ -31,7 +31,7 @@ MARKS = (
     (b"\xff\xfe", "UTF-16"),
     (b"\xfe\xff", "UTF-16"),
 )
-"""Byte-order marks of encodings that are not read; UTF-32 first, because UTF-16's begins it."""
+"""Byte-order marks of encodings that are refused; UTF-32 first, as it begins like UTF-16."""
 REASONS = {
     errno.ENOENT: "there is no such file",
     errno.ENOTDIR: "there is no such file",
@@ -45,23 +45,23 @@ REASONS = {
 def require_file(
     path: str | Path, key: str, *, remedy: str = "give a file", largest: float = LARGEST_DATA
 ) -> Path:
-    """Return the path of a file that can be opened: it is there, regular, and not too large.
+    """Return the path of a file that exists, is regular, readable and not too large.
 
     Parameters
     ----------
     path : str or Path
     key : str
-        Name of the key or option that gives the path, for the message.
+        Key or option of the path, for error messages.
     remedy : str
-        What the user can give instead.
+        Remedy in the error message.
     largest : float
         Limit of the size, megabytes; ``NEEDLEFEM_LARGEST_FILE`` in the environment replaces it.
 
     Raises
     ------
     CaseError
-        There is no such file, it is a folder, a pipe, a device or a socket, it can't be read, or
-        it is larger than the limit.
+        The file does not exist, is a folder, a pipe, a device or a socket, can't be read, or is
+        larger than the limit.
     """
     try:
         found = Path(path).stat()
@@ -122,22 +122,22 @@ def read_text(
     ----------
     path : str or Path
     key : str
-        Name of the key or option that gives the path, for the message.
+        Key or option of the path, for error messages.
     remedy : str
-        What the user can give instead, where there is no such file.
+        Remedy in the error message if the file does not exist.
     largest : float
         Limit of the size, megabytes.
 
     Raises
     ------
     CaseError
-        As for `require_file`; or the file is in another encoding, or is no text.
+        As for `require_file`; or the file has another encoding, or is no text.
     """
     return decode(read_bytes(path, key, remedy=remedy, largest=largest), path, key)
 
 
 def decode(content: bytes, path: str | Path, key: str) -> str:
-    """Return the text that the bytes of a file are in UTF-8; see `read_text`."""
+    """Return the bytes of a file in UTF-8 as text; see `read_text`."""
     remedy = "save it as text in UTF-8"
     for mark, encoding in MARKS:
         if content.startswith(mark):
@@ -145,7 +145,7 @@ def decode(content: bytes, path: str | Path, key: str) -> str:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        at = error.start + len(content) - len(error.object)  # the mark is not counted
+        at = error.start + len(content) - len(error.object)  # without the byte-order mark
         line = content.count(b"\n", 0, at) + 1
         problem = f"'{path}' is not in UTF-8 (byte 0x{content[at]:02x} in line {line})"
         raise CaseError(key, problem, remedy) from None

@@ -1,7 +1,7 @@
-"""How results travel between processes: as they were made, without what is computed on demand.
+"""Pickling of results without data that are computed on demand.
 
-Factorisations can't be copied, and matrices, tables and bases are larger than a result and quick
-to make again from mesh and laws. What was found with them (states, points, energies) does travel.
+Factorisations can't be copied. Matrices, tables and bases are larger than a result, and can be
+computed again from mesh and laws. Computed results (states, points, energies) are pickled.
 """
 
 from functools import cached_property
@@ -9,13 +9,13 @@ from typing import Any
 
 
 def lasting_state(instance: object, *others: str) -> dict[str, Any]:
-    """Return the attributes of an instance without its cached properties, for pickle and copy.
+    """Return the attributes of an instance for pickling and copying, without cached properties.
 
     Parameters
     ----------
     instance : object
     *others : str
-        Further attributes that its ``__setstate__`` makes again.
+        Further attributes that `__setstate__` computes again.
     """
     cached = {
         name
@@ -30,5 +30,5 @@ class Lasting:
     """A class whose instances are pickled and copied without their cached properties."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled."""
+        """Return the state for pickling."""
         return lasting_state(self)

@@ -1,4 +1,4 @@
-"""Code of the user's, named as ``module:Name``; imported only when that was allowed."""
+"""Code of the user, named ``module:Name``; it is imported only with the user's permission."""
 
 import importlib
 import sys
@@ -11,23 +11,23 @@ _allowed = False
 
 
 def allow() -> None:
-    """Allow cases to name code of the user's (``--allow-code``)."""
-    global _allowed  # noqa: PLW0603  (a permission of the process, given once by the user)
+    """Permit cases to name code of the user (``--allow-code``)."""
+    global _allowed  # noqa: PLW0603  (the permission belongs to the process)
     _allowed = True
 
 
 def is_foreign(name: str) -> bool:
-    """Say whether a name is ``module:Name``."""
+    """Return whether a name has the form ``module:Name``."""
     return ":" in name
 
 
 def load(name: str, key: str) -> Any:
-    """Import ``module:Name``, from the working directory or what is installed.
+    """Import ``module:Name`` from the working directory or an installed package.
 
     Raises
     ------
     CaseError
-        It was not allowed, or there is no such module or name.
+        The permission is missing, or the module or name does not exist.
     """
     if not _allowed:
         remedy = "pass --allow-code if you trust it (or call needlefem._plugin.allow())"

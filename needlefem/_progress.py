@@ -1,9 +1,8 @@
-"""Progress of long work: a line on standard error that says what is being done.
+"""Progress messages of long computations on standard error.
 
-Code that takes long says what it does by `doing`, wherever it is; that costs next to nothing. A
-process of the command line wraps its work in `telling`, which prints nothing within the first two
-seconds, and then a line from time to time, on a terminal or not, with ``--json`` or without:
-results go to standard output alone.
+Any function can announce its activity with `doing`, at negligible cost. The command line runs its
+work in `telling`. It prints no message within the first two seconds, and then one line from time to
+time, on a terminal or not, with ``--json`` or without. Results are printed on standard output only.
 """
 
 import sys
@@ -13,45 +12,45 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 FIRST = 2.0
-"""After how many seconds the first line is printed."""
+"""Seconds before the first message."""
 NEXT, LONGEST = 10.0, 60.0
-"""Seconds between the first two lines; they grow by a half, up to the longest."""
+"""Seconds between the first two messages; the interval grows by a half up to the largest."""
 FEW_STEPS = 100
-"""Number of time steps up to which a line of progress does not name it."""
+"""Number of time steps up to which a message does not state it."""
 _activity = [""]
 _steps = [0]
 
 
 def doing(text: str) -> None:
-    """Say what is being done from now on, for the next line of progress."""
+    """Set the activity for the next message."""
     _activity[0] = text
 
 
 def activity() -> str:
-    """Return what is being done, empty if nobody said."""
+    """Return the activity; empty if none was set."""
     if _activity[0] and _steps[0] > FEW_STEPS:
         return f"{_activity[0]}, of about {_steps[0]:,} time steps"
     return _activity[0]
 
 
 def expect_steps(steps: float) -> None:
-    """Say about how many time steps the motion of a needle takes that begins; 0 when it ends."""
+    """Set the approximate number of time steps of the present motion; 0 at its end."""
     _steps[0] = round(steps)
 
 
 def expected_steps() -> int:
-    """Return about how many time steps the needle's motion takes, 0 without time steps."""
+    """Return the approximate number of time steps of the motion; 0 without time steps."""
     return _steps[0]
 
 
 @contextmanager
 def telling(title: str) -> Iterator[None]:
-    """Tell on standard error what is being done, as long as it lasts.
+    """Print progress messages on standard error within this context.
 
     Parameters
     ----------
     title : str
-        What every line begins with.
+        Beginning of each message.
     """
     ended = threading.Event()
     start = time.monotonic()
@@ -72,6 +71,6 @@ def _tell(title: str, start: float, ended: threading.Event) -> None:
         try:
             sys.stderr.write(f"{title}: {seconds:.0f} s{what}\n")
             sys.stderr.flush()
-        except (OSError, ValueError):  # nobody reads it any more
+        except (OSError, ValueError):  # standard error is closed
             return
         wait, pause = pause, min(1.5 * pause, LONGEST)

@@ -1,4 +1,4 @@
-"""Plain tables for terminals and JSON."""
+"""Tables that are printed as text or as JSON."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -7,22 +7,22 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Table:
-    """Rows under titles.
+    """A table with title, columns and rows.
 
     Parameters
     ----------
     title : str
     columns : tuple of str
     rows : sequence of sequences
-        Cells are shown as they are when text, else with 4 significant digits.
+        Cells: texts are printed unchanged, numbers with 4 significant digits.
     passed : bool
-        Whether everything that the table demands holds.
+        Whether all requirements of the table are satisfied.
     note : str
-        A sentence under it.
+        Sentence below the table.
     summary : mapping
-        Named results, for a case's expectations.
+        Named results, which a case can compare with its expectations.
     charts : mapping
-        Pictures of it as SVG, by title.
+        Charts of the table as SVG, by title.
     """
 
     title: str

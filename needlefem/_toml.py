@@ -1,4 +1,4 @@
-"""Text of TOML files: every string and key that is written passes here, and can be read back."""
+"""Text of TOML files; all strings and keys that are written are made here and can be read back."""
 
 import re
 import tomllib
@@ -8,13 +8,13 @@ from typing import Any
 BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
 ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 ASSIGNED = re.compile(r"""((?:[^="']|"(?:[^"\\]|\\.)*"|'[^']*')*)=(.*)""", re.DOTALL)
-"""A key, in which an equals sign may stand in quotes, and what is assigned to it."""
+"""A key, which may contain an equals sign in quotes, and its assigned value."""
 
 
 def quoted(text: str) -> str:
     """Return a text as a TOML string on one line.
 
-    Half a surrogate pair (a file name that is not in UTF-8 has them) becomes U+FFFD.
+    An unpaired surrogate (in a file name that is not UTF-8) becomes U+FFFD.
     """
     return '"' + "".join(_escaped(character) for character in text) + '"'
 
@@ -29,19 +29,19 @@ def _escaped(character: str) -> str:
 
 
 def key_of(name: str) -> str:
-    """Return a name as a TOML key: bare where it can be."""
+    """Return a name as a TOML key, without quotes if possible."""
     return name if BARE.fullmatch(name) else quoted(name)
 
 
 def dotted_key(parts: Iterable[str]) -> str:
-    """Return the names of nested tables as one key that can be typed into a case or ``--set``."""
+    """Return names of nested tables as one dotted key for a case or ``--set``."""
     return ".".join(key_of(part) for part in parts)
 
 
 def key_parts(key: str) -> list[str]:
     """Return the names in a dotted key, whose parts may be quoted as in TOML.
 
-    A key that TOML would not read, such as one with a blank, is split at its dots.
+    A key that is not valid TOML, such as one with a space, is split at its dots.
     """
     try:
         node: Any = tomllib.loads(f"{key} = 0") if "\n" not in key else 0
@@ -55,16 +55,16 @@ def key_parts(key: str) -> list[str]:
 
 
 def assignment(text: str) -> tuple[str, str] | None:
-    """Return key and value of ``key=value``, None where there is no such equals sign."""
+    """Return key and value of ``key=value``, or None without an equals sign outside of quotes."""
     found = ASSIGNED.fullmatch(text)
     if found is not None:
         return found[1].strip(), found[2].strip()
-    key, equals, value = text.partition("=")  # quotes that are not closed are part of a name
+    key, equals, value = text.partition("=")  # an unclosed quote is a part of the name
     return (key.strip(), value.strip()) if equals else None
 
 
 def comment(text: str) -> str:
-    """Return a text as it may stand in a comment or a message: on one line, nothing invisible."""
+    """Return a text for a comment or message: on one line, without invisible characters."""
     return "".join(
         character if character.isprintable() else character.encode("unicode_escape").decode()
         for character in text
@@ -72,5 +72,5 @@ def comment(text: str) -> str:
 
 
 def brief(text: str, most: int = 60) -> str:
-    """Return a name as it may stand in a sentence: printable, and not longer than `most`."""
+    """Return a name for a sentence: printable, and not longer than `most`."""
     return comment(text if len(text) <= most else f"{text[:most]}...")

@@ -31,7 +31,7 @@ def scene_of(case: Scene | str | Path) -> Scene:
 
 
 def simulate(case: Scene | str | Path) -> Insertion:
-    """Let the needle of a scene do what its motion says, at its entry.
+    """Simulate the motion of a scene's needle at its entry.
 
     Parameters
     ----------
@@ -40,15 +40,15 @@ def simulate(case: Scene | str | Path) -> Insertion:
 
     Returns
     -------
-    Insertion
+    Result with the path so far. Its status states why a motion ended early.
         With the path so far, and a status that says why, where the needle could not go on.
 
     Raises
     ------
-    CaseError
+    The scene is not valid, or its entry is missing or not on the skin.
         The scene can't be built, or its entry is missing or misses the skin.
     CheckFailedError
-        The discretisation, or the needle in it, fails a check: nothing is simulated on it.
+        The discretisation, or the needle in it, fails a check; no insertion is simulated.
     """
     return simulation.simulate(scene_of(case))
 
@@ -63,30 +63,30 @@ def plan(
 ) -> Plan:
     """Find the release point from which a seed, biopsy or injection ends on the target.
 
-    Where obstacles leave no height that hits, the scene's further directions are tried in turn; the
-    first along which a plan succeeds wins, or else that with the least error.
+    If obstacles block all offsets with a solution, the scene's further directions are tried in
+    turn. The result is the first successful plan, or else the one with the smallest error.
 
     Parameters
     ----------
     case : Scene, str or Path
         A scene, or the path of a case file.
     target : array, list or tuple, shape (dim,), m, optional
-        The case's own target when left out.
+        By default the target of the case.
     search : str, optional
-        ``"root"`` of the signed lateral miss; ``"golden"`` section on the error, as in the paper
-        (R. Alterovitz et al., IROS 2003, section V.C); ``"grid"`` where the error is not
-        unimodal. The case's choice when left out.
+        ``"root"`` of the signed lateral error; ``"golden"`` section on the error, as in the paper
+        (R. Alterovitz et al., IROS 2003, section V.C); ``"grid"`` if the error is not unimodal. By
+        default the choice of the case.
     all_solutions : bool
-        Also scan the range for further heights that hit the target.
+        Also search the range for further lateral offsets whose error is zero.
     watch : callable, optional
-        Called with every state of every insertion.
+        Called with each state of each insertion.
 
     Raises
     ------
     CaseError
-        The scene can't be built, or the target is missing or outside the tissue.
+        The scene is not valid, or the target is missing or outside of the tissue.
     CheckFailedError
-        The discretisation fails a check: nothing is planned on it.
+        The discretisation fails a check; no insertion is simulated.
     """
     scene = scene_of(case)
     return planning.plan(scene, target, search, all_solutions=all_solutions, watch=watch)
@@ -100,15 +100,15 @@ def build_model(
     Parameters
     ----------
     case : Scene, str or Path
-        A scene, or the path of a case file; its element is chosen where it is left open.
+        A scene, or the path of a case file. An element that is left open is resolved.
     mesh : skfem.Mesh, optional
-        The scene's, when it is there already.
+        An existing mesh of the scene.
     floating : bool
-        Without its supports.
+        Omit the supports.
 
     Raises
     ------
     CaseError
-        The scene can't be built.
+        The scene is not valid.
     """
     return build.build_model(scene_of(case), mesh, floating=floating)

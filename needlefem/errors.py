@@ -1,31 +1,31 @@
-"""Errors that a user can act on; each knows the exit status of the command line."""
+"""Errors that a user can correct; each class has its exit status of the command line."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
 
 LONGEST = 500
-"""Most characters of a part of a message, and of a name that is compared with others."""
+"""Largest number of characters of a part of a message, and of a name in comparisons."""
 SHORT = 60
-"""Most characters of a value in a message."""
+"""Largest number of characters of a value in a message."""
 
 
 class NeedlefemError(Exception):
-    """Base of all errors that needlefem raises on purpose."""
+    """Base class of all errors that needlefem raises itself."""
 
     exit_status = 3
 
 
 class CaseError(NeedlefemError):
-    """A case, option or argument that can't be used.
+    """A case, option or argument that is not valid.
 
     Parameters
     ----------
     key : str
-        Dotted name of what is wrong, as the user wrote it.
+        Dotted name of the key, as the user wrote it.
     problem : str
-        What is wrong with the value, naming the value.
+        Description of the error, with the value.
     remedy : str
-        What would do.
+        How to correct it.
     """
 
     exit_status = 2
@@ -35,43 +35,43 @@ class CaseError(NeedlefemError):
         super().__init__(one_line(f"{_cut(key)}: {_cut(problem)}; {_cut(remedy)}"))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
-        """Let the error travel between processes."""
+        """Support pickling, so that the error can be raised in another process."""
         return type(self), (self.key, self.problem, self.remedy)
 
 
 class CheckFailedError(NeedlefemError):
-    """A check or an expectation did not hold."""
+    """A check failed, or a value differs from its expectation."""
 
     exit_status = 1
 
 
 class SimulationError(NeedlefemError):
-    """The simulation could not go on."""
+    """The simulation can't continue."""
 
     exit_status = 3
 
 
 class OutputError(NeedlefemError):
-    """The system does not let a file be written; the message names the path and the reason."""
+    """A file can't be written; the message contains the path and the reason."""
 
     exit_status = 3
 
 
 class NoRendererError(NeedlefemError):
-    """No picture can be drawn here; the message names what to install."""
+    """No renderer is available; the message states what to install."""
 
     exit_status = 4
 
 
 def one_line(text: str) -> str:
-    """Return a text with its control characters escaped, so that a message is one line."""
+    """Return a text with escaped control characters, so that a message has one line."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a remedy that names the nearest known word, or lists them all."""
+    """Return a remedy with the most similar known word, or with all of them."""
     options = sorted(known)
     close = get_close_matches(name[:LONGEST], options, n=1, cutoff=0.5)
     if close:
@@ -80,19 +80,19 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def matching(name: str, known: Iterable[str]) -> str | None:
-    """Return the known word that is meant by a name in another spelling, or None.
+    """Return the known word that a name means in another spelling, or None.
 
-    Hyphens and underscores are the same, and so are British and American spelling.
+    Hyphens and underscores are equal, and so are British and American spelling.
     """
     spelled = _spelling(name)
     return next((option for option in known if _spelling(option) == spelled), None)
 
 
 def short(value: object) -> str:
-    """Return a value as text for a message, in one line and not too long."""
+    """Return a value as text of limited length in one line for a message."""
     try:
         text = repr(value)
-    except (RecursionError, ValueError):  # nested too deep, or a number of too many digits
+    except (RecursionError, ValueError):  # too deeply nested, or a number with too many digits
         text = f"a {type(value).__name__}"
     return text if len(text) <= SHORT else f"{text[: SHORT - 4]} ..."
 

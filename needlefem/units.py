@@ -1,4 +1,4 @@
-"""Quantities as strings with a unit: a closed table, SI inside."""
+"""Quantities as texts with a unit; all computations use SI units."""
 
 import math
 import re
@@ -17,7 +17,7 @@ UNITS: dict[str, dict[str, float]] = {
     "rate": {"1/s": 1.0},
     "memory": {"GB": 1e9, "MB": 1e6, "kB": 1e3},
 }
-"""Factor to SI of every accepted unit, by dimension."""
+"""Factors to SI of all accepted units, by dimension."""
 LARGEST = {
     "length": 1e4,
     "pressure": 1e15,
@@ -30,16 +30,16 @@ LARGEST = {
     "rate": 1e9,
     "memory": 1e18,
 }
-"""Largest magnitude of a quantity that makes sense, SI: beyond it squares overflow."""
+"""Largest accepted magnitude of a quantity, SI; squares of larger ones would overflow."""
 PLANE = {
     "cutting force": "force per length",
     "shaft friction": "pressure",
     "lateral stiffness": "force per volume",
 }
-"""What the needle's quantities are measured in: in 2D all forces are per metre of thickness."""
+"""Dimensions of the needle's quantities; in 2D all forces are per metre of thickness."""
 
 LOOSE = re.compile(r"([+-]?[0-9]+(?:[.,][0-9]+)?(?:[eE][+-]?[0-9]+)?)\s*([^0-9\s].*)")
-"""A number, perhaps with a decimal comma, and a unit that no space may part from it."""
+"""A number, which may have a decimal comma, and a unit that may follow without a space."""
 
 
 def parse_quantity(text: object, dimension: str, key: str) -> float:
@@ -48,11 +48,11 @@ def parse_quantity(text: object, dimension: str, key: str) -> float:
     Parameters
     ----------
     text : object
-        What the case says; anything but a string ``"<number> <unit>"`` is an error.
+        Value in the case; anything but a text ``"<number> <unit>"`` is an error.
     dimension : str
         A key of `UNITS`.
     key : str
-        Name of the quantity for error messages.
+        Name of the quantity in error messages.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def parse_quantity(text: object, dimension: str, key: str) -> float:
 
 
 def _meant(text: str, table: dict[str, float]) -> str | None:
-    """Return a remedy where a space is missing or a comma stands for the point."""
+    """Return a remedy if a space is missing or a comma is used as decimal point."""
     found = LOOSE.fullmatch(text.strip())
     if found is None or found[2] not in table:
         return None
@@ -95,12 +95,12 @@ def _meant(text: str, table: dict[str, float]) -> str | None:
 
 
 def dimension_of(declared: str) -> str:
-    """Return the key of `UNITS` for the dimension that a field declares."""
+    """Return the dimension (a key of `UNITS`) that a field declares."""
     return PLANE.get(declared, declared)
 
 
 def in_unit(value: float, unit: str) -> float:
-    """Return an SI value expressed in `unit`."""
+    """Return an SI value in another unit."""
     for names in UNITS.values():
         if unit in names:
             return value / names[unit]

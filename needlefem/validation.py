@@ -1,4 +1,10 @@
-"""Fields that know their unit, range and meaning: each parameter is declared once."""
+"""Dataclass fields with unit, range and description, and their validation.
+
+A dataclass that is derived from `Validated` checks its fields when an instance is created. A case
+file, ``--set``, `needlefem.scene.vary`, `dataclasses.replace` and a constructor therefore raise the
+same `CaseError` for the same value. The admissible values of a field follow from its type
+annotation and its `ParameterInfo`.
+"""
 
 import dataclasses
 import math
@@ -15,10 +21,10 @@ from needlefem.units import LARGEST, dimension_of, parse_quantity
 
 @dataclasses.dataclass(frozen=True)
 class ParameterInfo:
-    """What stands beside a field: sentence, dimension (see `units`) and admissible range.
+    """Description, dimension (see `units`) and admissible range of a field.
 
-    `low` and `high` are exclusive unless `closed` says that the bound itself is admissible.
-    `refused` says of words that are known elsewhere why they are no choice here.
+    The bounds `low` and `high` are exclusive unless `closed` is true. `refused` contains words that
+    are known elsewhere but are no choice here, each with the reason.
     """
 
     sentence: str
@@ -30,7 +36,7 @@ class ParameterInfo:
     refused: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def admits(self, value: float) -> bool:
-        """Say whether a number lies in the range (NaN and infinity never do)."""
+        """Return whether a number is in the range; NaN and infinity never are."""
         if isinstance(value, float) and not math.isfinite(value):
             return False
         if self.closed:
@@ -38,7 +44,7 @@ class ParameterInfo:
         return self.low < value < self.high
 
     def range_text(self) -> str:
-        """Describe the range in words, in SI units."""
+        """Return the range in words, in SI units."""
         word = "at least" if self.closed else "above"
         under = "at most" if self.closed else "below"
         low = f"{word} {self.low:g}" if math.isfinite(self.low) else ""
@@ -57,7 +63,7 @@ def parameter(
     choices: tuple[str, ...] = (),
     refused: Mapping[str, str] | None = None,
 ) -> Any:
-    """Return a dataclass field that carries a `ParameterInfo`."""
+    """Return a dataclass field with a `ParameterInfo`."""
     metadata = {
         "parameter": ParameterInfo(sentence, dimension, low, high, closed, choices, refused or {})
     }
@@ -72,47 +78,39 @@ def parameter_info(field: "dataclasses.Field[Any]") -> ParameterInfo | None:
     return found if isinstance(found, ParameterInfo) else None
 
 
-# Values are converted and checked where they are declared, whoever gives them.
-#
-# A dataclass that derives from `Validated` checks its fields when an instance is made, so that a
-# case file, ``--set``, `needlefem.scene.vary`, `dataclasses.replace` and a constructor all raise
-# the same `CaseError` for the same value. What a field admits follows from its type annotation
-# and its `ParameterInfo`.
-
-
 LARGEST_NUMBER = 1e15
-"""Largest magnitude of a number without a dimension."""
+"""Largest accepted magnitude of a number without dimension."""
 SMALLEST_NUMBER = 1e-30
-"""Smallest magnitude of what must be positive: the square of less vanishes."""
+"""Smallest accepted positive number; the square of a smaller one would vanish."""
 LARGEST_COUNT = 2**63 - 1
-"""Largest magnitude of a whole number."""
+"""Largest accepted magnitude of an integer."""
 _KNOWN: dict[type, tuple[tuple[str, Any, ParameterInfo | None], ...]] = {}
 _FITTING: set[tuple[Any, type]] = set()
 WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 
 
 class Validated:
-    """Base of dataclasses that check their own fields.
+    """Base class of dataclasses that check their own fields.
 
-    A subclass names its table in a case file (`TABLE`, the beginning of the keys in messages)
-    and gives the rules between its fields in `check`.
+    A subclass defines `TABLE`, the beginning of its keys in messages, and the conditions between
+    several fields in `check`.
     """
 
     TABLE: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
-        """Convert and check every field, then the rules between them."""
+        """Convert and check each field, then the conditions between fields."""
         validate(self, self.TABLE)
         self.check()
 
     def check(self) -> None:
-        """Raise a `CaseError` where fields contradict one another."""
+        """Raise a `CaseError` if fields contradict each other."""
 
 
 def validate(instance: Any, prefix: str) -> None:
     """Convert and check the declared fields of a dataclass instance in place.
 
-    Numbers of NumPy become numbers, arrays and lists become tuples, quantities with a unit
+    NumPy numbers become Python numbers, arrays and lists become tuples, quantities with a unit
     become SI values.
 
     Parameters
@@ -125,12 +123,12 @@ def validate(instance: Any, prefix: str) -> None:
     Raises
     ------
     CaseError
-        A value of the wrong kind or out of its range.
+        A value has the wrong type or is out of range.
     """
     for name, hint, declared in _declarations(type(instance)):
         value = getattr(instance, name)
         if type(value) is hint and declared is None and hint is not float and hint is not int:
-            continue  # a text, or a part that has checked itself
+            continue  # a text, or an instance that has checked itself
         found = converted(hint, value, declared, dotted(prefix, name))
         if found is not value:
             object.__setattr__(instance, name, found)
@@ -150,12 +148,12 @@ def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given:
     strict : bool
         Whether a quantity needs a unit, as in a case file; else a number is in SI units.
     given : mapping
-        Fields that are not looked for in the table.
+        Values of fields that are not in the table.
 
     Raises
     ------
     CaseError
-        Not a table, an unknown or missing key, a value that is not admitted.
+        It is no table, a key is unknown or missing, or a value is not admissible.
     """
     if not isinstance(table, Mapping):
         raise CaseError(prefix, f"{short(table)} is not a table", f"write [{prefix}]")
@@ -176,7 +174,7 @@ def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given:
 
 
 def made(make: Callable[[], Any], own: str, prefix: str) -> Any:
-    """Return what `make` returns; its errors below the table `own` are named below `prefix`."""
+    """Return the result of `make`; names of `own` in its errors are replaced by `prefix`."""
     try:
         return make()
     except CaseError as error:
@@ -189,14 +187,14 @@ def made(make: Callable[[], Any], own: str, prefix: str) -> Any:
 def converted(
     hint: Any, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool = False
 ) -> Any:
-    """Return a value as the type that an annotation asks for; see `validate` and `filled`.
+    """Return a value with the type of an annotation; see `validate` and `filled`.
 
     Raises
     ------
     CaseError
-        It is of another kind or out of its range.
+        The value has another type or is out of range.
     """
-    if hasattr(raw, "tolist"):  # arrays and numbers of NumPy, without importing it
+    if hasattr(raw, "tolist"):  # NumPy arrays and numbers, without importing NumPy
         raw = raw.tolist()
     if hint in WORDS:
         return _plain(hint, raw, declared, key, strict=strict)
@@ -211,7 +209,7 @@ def converted(
 
 
 def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
-    """Return a path, an instance of a dataclass, or an object that follows a protocol."""
+    """Return a path, an instance of a dataclass, or an object that implements a protocol."""
     if hint is Path:
         return path_of(raw, key)
     declared = dataclasses.is_dataclass(hint)
@@ -220,7 +218,7 @@ def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
     if (hint, type(raw)) in _FITTING:
         return raw
     if isinstance(raw, hint) and not isinstance(raw, type):
-        _FITTING.add((hint, type(raw)))  # asking a protocol again and again costs
+        _FITTING.add((hint, type(raw)))  # cached, because protocol checks are slow
         return raw
     if declared and isinstance(raw, Mapping):
         return filled(hint, raw, key, strict=strict)
@@ -230,14 +228,14 @@ def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
 
 
 def path_of(raw: Any, key: str) -> Path:
-    """Return the path of a file from a text, or raise a `CaseError` if it can't be one."""
+    """Return the path of a file from a text; raise a `CaseError` if it is not valid."""
     if not isinstance(raw, str | Path) or not str(raw).strip() or "\0" in str(raw):
         raise CaseError(key, f"{short(raw)} is not the path of a file", "write one")
     return Path(raw)
 
 
 def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], prefix: str) -> None:
-    """Raise a `CaseError` for the first key that is not known, with the nearest that is."""
+    """Raise a `CaseError` for the first unknown key, with the most similar known one."""
     for key in table:
         if key not in known:
             raise CaseError(dotted(prefix, str(key)), "unknown key", nearest(str(key), known))
@@ -249,12 +247,12 @@ def dotted(prefix: str, key: str) -> str:
 
 
 def _declarations(cls: type) -> tuple[tuple[str, Any, ParameterInfo | None], ...]:
-    """Return name, annotation and `ParameterInfo` of a dataclass's fields, found once a class."""
+    """Return names, annotations and `ParameterInfo` of a dataclass's fields; cached per class."""
     found = _KNOWN.get(cls)
     if found is None:
         try:
             hints = typing.get_type_hints(cls)
-        except NameError:  # a class of the user's whose annotations can't be resolved from here
+        except NameError:  # a class of the user whose annotations can't be resolved from here
             hints = {}
         fields = [field for field in dataclasses.fields(cls) if field.init]
         found = tuple((f.name, hints.get(f.name, Any), parameter_info(f)) for f in fields)
@@ -322,7 +320,7 @@ def _digits(value: float) -> str:
 def _one_of(
     options: Sequence[Any], raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool
 ) -> Any:
-    """Convert to the first of several types that a value may be meant as."""
+    """Convert to the first of several types that accepts the value."""
     if raw is None and type(None) in options:
         return None
     rest = [option for option in options if option is not type(None)]

@@ -1,4 +1,4 @@
-"""Error of a plan against seconds: elements, sizes, steps, kernels and regimes."""
+"""Error of a plan against processor time for elements, sizes, path spacings and integrators."""
 
 import dataclasses
 import math
@@ -26,16 +26,16 @@ ROUNDS = 3
 LONG = 2.0
 """Seconds of processor time after which a plan is not repeated."""
 ENOUGH = 1e-4
-"""Error of the case's own discretisation at the most, m."""
+"""Largest allowed error of the case's own discretisation, m."""
 TWICE = 2.0
-"""By which another must be faster, and no less accurate, to beat it."""
+"""Factor in time by which another discretisation must be faster, and as accurate, to be better."""
 OWN = "the case's own"
-"""Name of the entrant that plans a case as it is."""
+"""Name of the entrant with the unchanged case."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Entrant:
-    """A way to plan: a family for the chart, a name in it, and what it does."""
+    """A variant of a plan: its family in the chart, its name, and the function that plans."""
 
     family: str
     name: str
@@ -43,13 +43,13 @@ class Entrant:
 
 
 def run(case: str) -> Table:
-    """Plan on many discretisations; measure each by the exact tissue and by its seconds."""
+    """Plan on many discretisations; measure time, and error on the reference tissue."""
     scene = load_case(case)
     return race(scene, entrants(scene), ReferenceSolution(scene, _target(scene)))
 
 
 def race(scene: Scene, entered: Sequence[Entrant], exact: ReferenceSolution) -> Table:
-    """Return error against seconds of entrants, the first being the case's own."""
+    """Return error and time of entrants; the first one is the unchanged case."""
     found = {entrant: _timed(entrant.go) for entrant in entered}
     plans = [made for made, _ in found.values()]
     errors = exact.errors(plans)
@@ -84,7 +84,7 @@ def race(scene: Scene, entered: Sequence[Entrant], exact: ReferenceSolution) -> 
 
 
 def entrants(scene: Scene) -> list[Entrant]:
-    """Return the case's own discretisation, then all that are held against it."""
+    """Return the case's own discretisation, followed by all alternatives."""
     if not isinstance(scene.mesh, BoxMesh):
         raise CaseError("mesh.file", "a mesh from a file has the sizes it has", "take a box")
     element = resolve(scene).scene.discretization.element
@@ -102,9 +102,9 @@ def entrants(scene: Scene) -> list[Entrant]:
 
 
 def sizes(mesh: BoxMesh, scene: Scene | None = None) -> dict[str, dict[str, Any]]:
-    """Return the changes to a scene's mesh: coarser, as it is, finer where refined, and elsewhere.
+    """Return changes of a scene's mesh: coarser, unchanged, finer where refined, and elsewhere.
 
-    Without a refinement, sizes change everywhere. With the scene, those of its regions change too.
+    Without refinement all sizes change. If the scene is given, those of its regions change too.
     """
     refine = mesh.refine
     refined = refine.corridor_size > 0.0 or refine.contour_size > 0.0
@@ -129,7 +129,7 @@ def _divided(mesh: BoxMesh, factor: float) -> dict[str, Any]:
 
 
 def steps(scene: Scene) -> dict[str, dict[str, Any]]:
-    """Return the changes to a resolved scene's path, kernel and regime."""
+    """Return changes of a resolved scene's path spacing, kernel and integrator."""
     numbers = scene.discretization
     spacing, points = numbers.path_spacing, numbers.tip_quadrature_points
     found: dict[str, dict[str, Any]] = {
@@ -153,7 +153,7 @@ def _planned(
 
 
 def _timed(go: Callable[[], Plan]) -> tuple[Plan, float]:
-    """Return a plan and the median of its seconds of processor time."""
+    """Return a plan and its median processor time in seconds."""
     seconds: list[float] = []
     while len(seconds) < ROUNDS and sum(seconds) < LONG:
         start = time.process_time()

@@ -1,4 +1,4 @@
-"""One insertion with responses known: its price in back-substitutions, and where the time goes."""
+"""Cost of one insertion with known compliance, in back-substitutions, and its distribution."""
 
 import cProfile
 import itertools
@@ -20,11 +20,11 @@ from needlefem.plotting.verification_report import Bar, bars
 ROUNDS = 15
 WARM = 201
 BESIDE = 5e-6
-"""Height above the target's of a needle that is pushed in beside the last, m."""
+"""Offset of a second needle from the target's height, m."""
 MOST = 400.0
-"""Back-substitutions of its own model that an insertion may take at the size of the paper."""
+"""Largest number of back-substitutions of one insertion for a model of the paper's size."""
 PAPER = 2_000
-"""Unknowns up to which that is demanded: beyond, they are dearer and an insertion takes fewer."""
+"""Largest number of unknowns for which this is required; the cost of larger models differs."""
 PARTS = {
     "functionals: points, cells, weights": ("needle/needle_interface.py", "tip_and_piece"),
     "responses and elimination of lateral forces": (
@@ -36,7 +36,7 @@ PARTS = {
     "pieces adopted, states": ("insertion/path_following.py", "_accept"),
     "all": ("insertion/simulation.py", "insert"),
 }
-"""Functions by what they do, with their file in the package: each counts with all it calls."""
+"""Functions by activity, with their files in the package; their time includes all calls."""
 WITHIN = {
     "equations of the step": (
         "functionals: points, cells, weights",
@@ -45,11 +45,11 @@ WITHIN = {
     "iteration": ("equations of the step",),
     "all": ("iteration", "pieces adopted, states"),
 }
-"""What is called from within others, to be taken off them."""
+"""Activities that other activities contain, to be subtracted from them."""
 
 
 def run(case: str) -> Table:
-    """Time insertions at the target's height, in turn with back-substitutions; profile one."""
+    """Time insertions at the target's height in turn with back-substitutions; profile one."""
     scene = load_case(case)
     if scene.target is None:
         raise CaseError("target.point", "missing", "the benchmark aims at it")
@@ -98,13 +98,13 @@ def run(case: str) -> Table:
 
 
 def _bar(row: list[Any]) -> Bar:
-    """Return the bar of a row: of a whole with its spread, or of a share."""
+    """Return the bar of a row: a total with its range, or a share."""
     name, middle, least, most, *_, share = row
     return Bar(name, middle, least or None, most or None, series=int(bool(share)))
 
 
 def alone(simulation: Simulation, entry: Entry) -> Insertion:
-    """Push the needle in as if it were the first."""
+    """Run an insertion with an empty warm start."""
     simulation.forget()
     return simulation.insert(entry)
 
@@ -120,7 +120,7 @@ def _spread(seconds: list[float]) -> tuple[float, float]:
 
 
 def _shares(task: Any) -> dict[str, float]:
-    """Return what each part takes of the whole, what it calls of other parts not counted."""
+    """Return the time of each activity, without that of contained activities."""
     profile = cProfile.Profile(time.process_time)
     profile.runcall(task)
     spent = dict.fromkeys(PARTS, 0.0)

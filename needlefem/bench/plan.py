@@ -1,4 +1,4 @@
-"""Stages of a plan, in milliseconds and in back-substitutions of the plan's own model."""
+"""Cost of the stages of a plan, in milliseconds and in back-substitutions of its model."""
 
 import numpy as np
 
@@ -17,11 +17,11 @@ from needlefem.scene.build import build_mesh, build_model
 
 ROUNDS = 7
 MOST = 3000.0
-"""Back-substitutions that a plan at the size of the paper may take, model included."""
+"""Largest number of back-substitutions of a plan of the paper's size, model included."""
 
 
 def run(case: str) -> Table:
-    """Time every stage, in turn."""
+    """Time all stages in turn."""
     scene = load_case(case)
     if scene.target is None:
         raise CaseError("target.point", "missing", "the benchmark plans for it")

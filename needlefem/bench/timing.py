@@ -1,4 +1,4 @@
-"""Timing that survives a noisy machine: rounds in turn, medians, spread."""
+"""Measurement of processor time on a machine with other load: rounds in turn, medians, range."""
 
 import resource
 import statistics
@@ -8,17 +8,17 @@ from collections.abc import Callable, Mapping
 from needlefem.plotting.verification_report import Bar, bars
 
 LONG = 1.0
-"""Seconds after which a task is not repeated."""
+"""Seconds after which a task is not repeated any more."""
 Timed = Mapping[str, Callable[[], object]]
-"""Tasks to time, by their names."""
+"""Tasks by their names."""
 
 
 def in_turn(
     tasks: Timed, rounds: int, clock: Callable[[], float] = time.process_time
 ) -> dict[str, list[float]]:
-    """Run all tasks round by round and return their seconds; one round before is not counted.
+    """Run all tasks in rounds and return their seconds; a first round is not counted.
 
-    Of processor time, which others on the machine disturb least, unless another clock is given.
+    The clock measures processor time, which other load influences least, unless another is given.
     """
     seconds: dict[str, list[float]] = {name: [] for name in tasks}
     for number in range(rounds + 1):
@@ -31,7 +31,7 @@ def in_turn(
 
 
 def processor_seconds(task: Callable[[], object], rounds: int) -> list[float]:
-    """Run a task some rounds, one before that is not counted, and return its processor time."""
+    """Run a task several times after an uncounted first time; return its processor times."""
     seconds: list[float] = []
     for _ in range(rounds + 1):
         start = time.process_time()
@@ -41,7 +41,7 @@ def processor_seconds(task: Callable[[], object], rounds: int) -> list[float]:
 
 
 def children_seconds(task: Callable[[], object], rounds: int) -> list[float]:
-    """Run a task some rounds and return the processor time of the processes that it waits for."""
+    """Run a task several times; return the processor times of its child processes."""
     seconds: list[float] = []
     for _ in range(rounds):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -57,7 +57,7 @@ def median(values: list[float]) -> float:
 
 
 def spread_bars(title: str, label: str, seconds: Mapping[str, list[float]], unit: float) -> str:
-    """Return a chart of medians with the least and the most, in parts `unit` of a second."""
+    """Return a chart of medians with smallest and largest values, in units of `unit` seconds."""
     return bars(
         title,
         label,
@@ -69,7 +69,7 @@ def spread_bars(title: str, label: str, seconds: Mapping[str, list[float]], unit
 
 
 def seconds_of(task: Callable[[], object], rounds: int) -> tuple[list[float], object]:
-    """Run a task some rounds, fewer when it is long, and return its seconds and its answer."""
+    """Run a task several times, fewer if it is slow; return its seconds and its result."""
     seconds: list[float] = []
     while len(seconds) < rounds and (len(seconds) < 1 or sum(seconds) < LONG):
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""From a cell to its reference cell and back, and what its corners say of it."""
+"""Maps between cells and the reference cell, validity of cells, and search for points."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -10,14 +10,14 @@ from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError
 
 Inverse = Callable[[Points], Points]
-"""Takes one point a cell, shape (n, dim), m; returns them in the reference cell."""
+"""Takes one point per cell, shape (n, dim), m; returns them in the reference cell."""
 
 
 class CellMap(Protocol):
     """The map between cells of a mesh and the reference cell."""
 
     def inverse(self, cells: Ints) -> Inverse:
-        """Return the maps of cells to the reference cell, one for every point."""
+        """Return the inverse maps of cells, with one cell per point."""
         ...
 
     def invert(self, cells: Ints, points: Points) -> Points:
@@ -25,7 +25,7 @@ class CellMap(Protocol):
         ...
 
     def depth(self, local: Points) -> Floats:
-        """Return how far inside the reference cell points are, shape (n,); negative outside."""
+        """Return the distance of points inside the reference cell, shape (n,); else negative."""
         ...
 
 
@@ -35,14 +35,14 @@ def cell_corners(mesh: SkfemMesh) -> Floats:
 
 
 def is_simplicial(mesh: SkfemMesh) -> bool:
-    """Say whether the cells are triangles (tetrahedra)."""
+    """Return whether the cells are triangles (tetrahedra)."""
     return bool(mesh.t.shape[0] == mesh.dim() + 1)
 
 
 def cell_map(mesh: SkfemMesh) -> CellMap:
     """Return the map of a mesh with straight edges; raise a `CaseError` for curved ones."""
     if mesh.p.shape[1] != len(np.unique(mesh.t)):
-        remedy = "use straight edges where points are looked for"
+        remedy = "use a mesh with straight edges"
         raise CaseError("mesh", "points can't be found in cells with curved edges", remedy)
     return AffineMap(mesh) if is_simplicial(mesh) else BilinearMap(mesh)
 
@@ -75,7 +75,7 @@ class AffineMap:
         least = total = local[:, 0]
         for axis in range(
             1, local.shape[1]
-        ):  # columns one by one: reductions of short rows are slow
+        ):  # column by column: reductions over short rows are slow
             least = np.minimum(least, local[:, axis])
             total = total + local[:, axis]
         found: Floats = np.minimum(least, 1.0 - total)
@@ -85,12 +85,12 @@ class AffineMap:
 class BilinearMap:
     """The map of quadrilaterals with straight edges; see `CellMap`.
 
-    ``x = a + b xi + c eta + d xi eta``: crossing out xi leaves a quadratic equation for eta,
+    ``x = a + b xi + c eta + d xi eta``: eliminating xi gives a quadratic equation for eta,
     ``square eta^2 + one eta + zero = 0``. Its derivative at a solution, ``2 square eta + one``, is
-    the Jacobian of the map there, which has one sign in all of a convex cell: that sign, known
-    from a corner, tells the solution in the cell from the other one. (The sign of ``one``, the
-    derivative at eta = 0, need not be it: the line through the point along which xi is constant
-    may leave the region in which the map is one-to-one before it comes to eta = 0.)
+    the Jacobian of the map there. In a convex cell the Jacobian has the same sign everywhere. The
+    sign at a corner therefore selects the solution inside of the cell. (The sign of ``one``, the
+    derivative at eta = 0, may differ: the line of constant xi through the point may leave the
+    region in which the map is one-to-one before it reaches eta = 0.)
     """
 
     def __init__(self, mesh: SkfemMesh) -> None:
@@ -99,7 +99,7 @@ class BilinearMap:
         self._d = third - second - fourth + first
 
     def inverse(self, cells: Ints) -> Inverse:
-        """See `CellMap`; far outside its cell a point may have none: NaN."""
+        """See `CellMap`; far outside of a cell a solution may not exist: NaN."""
         a, b, c, d = self._a[cells], self._b[cells], self._c[cells], self._d[cells]
         return lambda points: _bilinear_inverse(b, c, d, points - a)
 
@@ -118,12 +118,12 @@ def _bilinear_inverse(b: Points, c: Points, d: Points, apart: Points) -> Points:
     square, one, zero = -_cross(c, d), _cross(apart, d) + jacobian, _cross(apart, b)
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.copysign(np.sqrt(one**2 - 4.0 * square * zero), jacobian)
-        # either form of the solution with the derivative `root`: the one that does not cancel
+        # of two equal forms of the solution, the one without cancellation
         alike = one * jacobian >= 0.0
         eta = np.where(alike, -2.0 * zero / (one + root), 0.5 * (root - one) / square)
         along = b + eta[:, None] * d
         xi = _dot(apart - eta[:, None] * c, along) / _dot(along, along)
-        # one step of Newton's method takes the round-off of a small square term away
+        # one Newton step removes the round-off of a small square term
         miss = apart - xi[:, None] * along - eta[:, None] * c
         across = c + xi[:, None] * d
         jacobian = _cross(along, across)
@@ -145,12 +145,12 @@ def _dot(u: Points, v: Points) -> Floats:
 def corner_jacobians(mesh: SkfemMesh) -> Floats:
     """Return the Jacobian's determinant at every corner, shape (ncells, corners).
 
-    A cell is valid when they have one sign; a concave one has a corner of the other.
+    A cell is valid if all have the same sign; a concave cell has a corner with the other sign.
     """
     corners = cell_corners(mesh)
     slopes = shape_table(mesh.elem).gradients(mesh.elem().doflocs)
     maps: Floats = np.tensordot(corners, slopes, axes=(1, 1)).swapaxes(1, 2)  # one product
-    if mesh.dim() == 2:  # many small determinants: LAPACK costs ten times as much
+    if mesh.dim() == 2:  # for many small determinants LAPACK is ten times slower
         found: Floats = maps[..., 0, 0] * maps[..., 1, 1] - maps[..., 0, 1] * maps[..., 1, 0]
     else:
         found = np.linalg.det(maps)
@@ -168,7 +168,7 @@ def cell_measures(mesh: SkfemMesh) -> Floats:
 def refuse_bad_cells(mesh: SkfemMesh, key: str) -> None:
     """Raise a `CaseError` for flat, concave or crossed cells, with their numbers.
 
-    scikit-fem takes the absolute value of the Jacobian: such cells pass it silently.
+    scikit-fem uses the absolute value of the Jacobian and would accept such cells.
     """
     jacobians = corner_jacobians(mesh)
     scale = np.max(np.ptp(cell_corners(mesh), axis=1), axis=1) ** mesh.dim()
@@ -180,18 +180,18 @@ def refuse_bad_cells(mesh: SkfemMesh, key: str) -> None:
         raise CaseError(key, problem, "correct the mesh there")
 
 
-# Which cell points lie in.
+# Search for the cells that contain points.
 
 
 INSIDE = 1e-9
-"""A point counts as inside a cell when its reference point is at most this far outside."""
+"""Largest distance outside of the reference cell at which a point counts as inside."""
 
 
 class Locator:
-    """Finds the cell of points in a mesh with straight edges.
+    """Search for the cells of points in a mesh with straight edges.
 
-    A uniform grid over the bounding box lists the cells that each bin may meet. A point on a
-    shared vertex, edge or face belongs to the cell with the lowest number.
+    A uniform grid over the bounding box contains the cells that may intersect each bin. A point on
+    a common vertex, edge or face belongs to the cell with the lowest number.
     """
 
     def __init__(self, mesh: SkfemMesh) -> None:
@@ -215,7 +215,7 @@ class Locator:
         return clipped
 
     def find(self, points: Points) -> tuple[Ints, Points]:
-        """Return the cell of every point, shape (n,), -1 outside, and its reference point.
+        """Return the cell of each point, shape (n,), -1 if outside, and the reference points.
 
         Parameters
         ----------
@@ -233,7 +233,7 @@ class Locator:
         cells = self._cells[place]
         local = self.map.invert(cells, points[owner])
         inside = np.flatnonzero(self.map.depth(local) >= -INSIDE)
-        hit = inside[::-1]  # reversed: the lowest cell is written last
+        hit = inside[::-1]  # in reverse order, so that the lowest cell number remains
         found = np.full(len(points), -1)
         reference = np.zeros_like(points)
         found[owner[hit]] = cells[hit]

@@ -1,4 +1,4 @@
-"""The same mesh on cells half as large."""
+"""Uniform refinement of meshes, and meshes whose edges follow contours."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -12,21 +12,21 @@ from needlefem.geometry.contour import Contour
 from needlefem.mesh.generation import cell_sizes, signed_measures
 
 NEAR = 0.25
-"""Distance from the contour over the length of an edge up to which its ends belong onto it."""
+"""Largest distance of an edge's ends from a contour, relative to its length, to be moved to it."""
 
 
 def uniformly_refined(mesh: SkfemMesh, contours: Sequence[Contour] = ()) -> SkfemMesh:
-    """Return the mesh with every cell cut into four (eight in 3D), names kept.
+    """Return the mesh with each cell divided into four (eight in 3D); names are kept.
 
-    Vertices between two regions are put onto the nearest contour: the straight edges of a fitted
-    mesh cut its corners.
+    Vertices between two regions are moved to the nearest contour, because the straight edges of a
+    fitted mesh are chords of it.
 
     Parameters
     ----------
     mesh : skfem.Mesh
-        With named regions that leave no cell out.
+        With named regions that contain all cells.
     contours : sequence of Contour
-        That the mesh was fitted to.
+        Contours of the fitted mesh.
     """
     finer = mesh.refined()
     if not contours:
@@ -54,16 +54,16 @@ def _nearest(points: Points, contours: Sequence[Contour]) -> Points:
     return found
 
 
-# Move mesh vertices onto a contour, so that the contour cuts no cell.
+# Movement of mesh vertices to contours, so that no contour intersects a cell.
 
 
 ON_LINE = 1e-9
-"""Share of an edge up to which its end is on the contour already."""
+"""Share of an edge within which its end counts as on the contour."""
 RELAXATIONS = 5
-"""Smoothing sweeps after the fit; more change the smallest angle by less than a degree."""
+"""Smoothing sweeps after the fit; further ones change the smallest angle by less than a degree."""
 FLAT = 0.5
-"""Shape below which a cell with all corners on a contour is flat: one that fills a corner of the
-contour of less than about 130 degrees is not."""
+"""Shape of a cell below which it counts as flat if all its vertices are on a contour; cells in
+vertices of the contour with less than about 130 degrees have a better shape."""
 
 
 def fit_to_contour(mesh: SkfemMesh, contour: Contour) -> SkfemMesh:
@@ -72,19 +72,18 @@ def fit_to_contour(mesh: SkfemMesh, contour: Contour) -> SkfemMesh:
 
 
 def fit_to_contours(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMesh:
-    """Return the mesh with vertices near contours moved onto them, one contour after the other.
+    """Return the mesh with vertices near contours moved to them, for each contour in turn.
 
-    Every edge that the contour crosses gives its nearer end to the contour, nearest first. A
-    vertex that would flatten a cell (all three corners on the contour, unless the cell fills one
-    of the contour's corners), or that lies on the outer boundary or on a contour before, stays,
-    and the edge's other end moves. Then the free vertices around are smoothed wherever that
-    widens the worst of their cells.
+    For every edge that the contour intersects, the nearer end is moved to the contour, in the order
+    of the distances. A vertex does not move if a cell would become flat (all three vertices on the
+    contour, unless the cell is in a vertex of the contour), or if it is on the boundary or on an
+    earlier contour; the other end of the edge moves instead. Free vertices nearby are then smoothed
+    if that improves the worst of their cells.
 
     Raises
     ------
-    CaseError
-        Contours that cross, an edge that can't be freed of its crossing, or a cell that would
-        turn over: the mesh is too coarse for the contour.
+    Contours intersect, an edge still intersects the contour, or a cell would be inverted: the
+    mesh is too coarse for the contour.
     """
     known = list(contours.items())
     for number, (name, contour) in enumerate(known):
@@ -107,7 +106,7 @@ def fit_to_contours(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMe
         if flipped.size:
             place = mesh.p[:, mesh.t[:, flipped[0]]].mean(axis=1)
             size = cell_sizes(mesh)[flipped[0]]
-            _refuse(f"the contour of '{name}' turns a cell of {1e3 * size:.3g} mm over", place)
+            _refuse(f"the contour of '{name}' inverts a cell of {1e3 * size:.3g} mm", place)
         kept[on_line & (kept < 0)] = number
         mesh = fitted
     return mesh
@@ -125,23 +124,23 @@ def _refuse(problem: str, place: Floats) -> NoReturn:
 def _move_to_contour(
     mesh: SkfemMesh, contour: Contour, kept: Ints, names: list[str]
 ) -> tuple[Points, Bools]:
-    """Return the vertices' places, and which of them are on the contour.
+    """Return the positions of the vertices, and whether each is on the contour.
 
     Parameters
     ----------
     mesh : skfem.Mesh
     contour : Contour
     kept : array, shape (nvertices,)
-        Number of what a vertex is kept on; -1 where it may move.
+        Number of the curve on which a vertex is fixed; -1 if it may move.
     names : list of str
-        Of the contour, and of what vertices are kept on.
+        Names of the contour and of the curves on which vertices are fixed.
     """
     points = mesh.p.T.copy()
     inside = contour.contains(points)
     edges = mesh.facets.T
     cut = edges[inside[edges[:, 0]] != inside[edges[:, 1]]]
     share = contour.crossings(points[cut[:, 0]], points[cut[:, 1]])
-    lost = np.flatnonzero(np.isnan(share))  # by round-off: an end is on the contour
+    lost = np.flatnonzero(np.isnan(share))  # by round-off: one end is on the contour
     ends = [contour.distance(points[cut[lost, i]]) for i in range(2)]
     share[lost] = np.where(ends[0] <= ends[1], 0.0, 1.0)
     place = points[cut[:, 0]] + share[:, None] * (points[cut[:, 1]] - points[cut[:, 0]])
@@ -175,7 +174,7 @@ def _move_to_contour(
 
 
 def _flattened(points: Points, cells: Ints, vertex: int, place: Floats) -> bool:
-    """Say whether a vertex moved to a place would make one of some of its cells flat."""
+    """Return whether a vertex at a new position makes one of its cells flat."""
     if not cells.size:
         return False
     before = points[vertex].copy()
@@ -192,7 +191,7 @@ def _cells_at_vertices(mesh: SkfemMesh) -> list[Ints]:
 
 
 def _smooth(mesh: SkfemMesh, points: Points, on_line: Bools, kept: Bools) -> Points:
-    """Move free vertices near the line to the mean of their neighbours where cells gain."""
+    """Move free vertices to the mean of their neighbours where the cells improve."""
     cells_at = _cells_at_vertices(mesh)
     ring = on_line.copy()
     for _ in range(2):
@@ -210,9 +209,9 @@ def _smooth(mesh: SkfemMesh, points: Points, on_line: Bools, kept: Bools) -> Poi
 
 
 def _shape(points: Points, cells: Ints) -> Floats:
-    """Return the shape of triangles: 1 for equilateral, 0 for flat, negative when turned over.
+    """Return the shape of triangles: 1 if equilateral, 0 if flat, negative if inverted.
 
-    The sign is that of the cell's corner order, so only its size is compared between moves.
+    The sign depends on the order of the vertices; only its absolute value is compared.
     """
     a, b, c = points[cells[0]], points[cells[1]], points[cells[2]]
     u, v, w = b - a, c - a, c - b

@@ -1,4 +1,4 @@
-"""What a mesh file holds, whatever its format, and the plane mesh in it."""
+"""Contents of mesh files in any format, and the plane meshes in them."""
 
 import dataclasses
 import warnings
@@ -15,16 +15,16 @@ from needlefem.errors import CaseError
 from needlefem.mesh.soundness import refuse_unsound
 
 FLAT = 1e-6
-"""A mesh is plane when its nodes are at most this share of its size out of the plane."""
+"""Largest distance of nodes from the plane, relative to the size of a plane mesh."""
 BENT = 1e-6
-"""Edges are straight when their middle nodes are at most this share of the size beside them."""
+"""Largest distance of a midside node from its straight edge, relative to the size of the mesh."""
 FARTHEST, SMALLEST = 1e60, 1e-60
-"""Largest coordinate and smallest size, in units of the file: products of them are numbers."""
+"""Largest coordinate and smallest size in units of the file; their products do not overflow."""
 AXES = "xyz"
 
 
 class UnreadableMeshError(Exception):
-    """Why a mesh file can't be read, and what would do; the caller adds the file's name."""
+    """Reason why a mesh file can't be read, and remedy; the caller adds the file's name."""
 
     def __init__(self, problem: str, remedy: str) -> None:
         self.problem, self.remedy = problem, remedy
@@ -32,7 +32,7 @@ class UnreadableMeshError(Exception):
 
 
 def printable(name: str) -> str:
-    """Return a group's name with "?" for characters that no case file or message can hold."""
+    """Return a group's name with "?" for characters that are not allowed in case files."""
     return "".join(letter if letter.isprintable() else "?" for letter in name)
 
 
@@ -45,7 +45,7 @@ class CellBlock:
     dim, corners, order : int
         Dimension of the cell, number of its corners, polynomial order of its edges.
     nodes : array, shape (n, nodes of a cell)
-        Rows of `Contents.points`: corners first, then `order` - 1 nodes on every edge, then others.
+        Rows of `Contents.points`: corners first, then `order` - 1 nodes per edge, then others.
     groups : frozenset of str
     """
 
@@ -58,19 +58,19 @@ class CellBlock:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Contents:
-    """Nodes and cells of a mesh file.
+    """Nodes, cells and groups of a mesh file.
 
     Parameters
     ----------
     points : array, shape (n, 3)
         In units of the file.
     numbers : array, shape (n,)
-        What the file calls the nodes.
+        Node numbers in the file.
     cells : tuple of CellBlock
     notes : tuple of str
-        Sentences on how the file was read.
+        Sentences about the reading of the file.
     node_groups : mapping
-        Rows of `points` by name: where a format names edges by their nodes.
+        Rows of `points` by name, for formats that define edges by their nodes.
     facet_groups : mapping
         Pairs of rows of `points`, shape (n, 2), by name.
     """
@@ -85,16 +85,16 @@ class Contents:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class PlaneMesh:
-    """The mesh of a file, and how it was read.
+    """The mesh of a file, and sentences about its reading.
 
     Parameters
-    ----------
+    Subdomains and boundaries are the groups of the file; some cells may be in no subdomain.
     mesh : skfem.Mesh
         Subdomains and boundaries are the file's groups; cells in no group are in no subdomain.
     axes : tuple of str
-        The file's axes that the two coordinates are.
+        Axes of the file that are the two coordinates.
     notes : tuple of str
-        Sentences on how the file was read; those in `repairs` say what was changed.
+        Sentences about the reading; `repairs` are those about changes.
     repairs : tuple of str
     """
 
@@ -105,10 +105,10 @@ class PlaneMesh:
 
 
 def plane_mesh(contents: Contents, unit: float) -> PlaneMesh:
-    """Return the plane mesh that a file holds.
+    """Return the plane mesh of a file.
 
-    Cells with curved edges are read as straight, a mixture of triangles and quadrilaterals as
-    triangles, cells that the file holds twice once; nodes that no cell uses are left out.
+    Curved edges become straight, a mixture of triangles and quadrilaterals becomes triangles,
+    repeated cells are taken once, and nodes without a cell are omitted.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def plane_mesh(contents: Contents, unit: float) -> PlaneMesh:
     Raises
     ------
     UnreadableMeshError
-        No cells of two dimensions, nodes out of a plane or that are not finite.
+        No cells of two dimensions, nodes outside of a plane, or nodes that are not finite.
     """
     notes, repairs = list(contents.notes), []
     areas = [block for block in contents.cells if block.dim == 2 and len(block.nodes)]
@@ -173,7 +173,7 @@ def _refuse_without_cells(contents: Contents) -> None:
 
 
 def _refuse_no_place(contents: Contents, areas: list[CellBlock]) -> None:
-    """Refuse nodes of cells, middle nodes too, that are nowhere."""
+    """Raise an error for nodes that are not finite, midside nodes included."""
     used = np.unique(np.concatenate([block.nodes.ravel() for block in areas]))
     points = contents.points[used]
     wrong = np.flatnonzero(~np.all(np.abs(points) < FARTHEST, axis=1))
@@ -184,7 +184,7 @@ def _refuse_no_place(contents: Contents, areas: list[CellBlock]) -> None:
 
 
 def _plane(contents: Contents, used: Ints) -> tuple[Floats, tuple[str, str]]:
-    """Return the plane coordinates of the nodes in use, shape (n, 2), and which axes they are."""
+    """Return the plane coordinates of the used nodes, shape (n, 2), and their axes."""
     points = contents.points[used]
     extent = np.ptp(points, axis=0)
     if not extent.max() > SMALLEST:
@@ -201,7 +201,7 @@ def _plane(contents: Contents, used: Ints) -> tuple[Floats, tuple[str, str]]:
 
 
 def _bent(points: Floats, block: CellBlock) -> float:
-    """Return how far nodes on edges are beside the chord at most, in units of the file."""
+    """Return the largest distance of midside nodes from the chord, in units of the file."""
     most = 0.0
     for edge in range(block.corners if block.order > 1 else 0):
         start = points[block.nodes[:, edge]]
@@ -217,7 +217,7 @@ def _bent(points: Floats, block: CellBlock) -> float:
 
 
 def _as_triangles(points: Floats, block: CellBlock) -> list[CellBlock]:
-    """Return a block of quadrilaterals as triangles, cut along the shorter diagonal."""
+    """Return a block of quadrilaterals as triangles, divided along the shorter diagonal."""
     if block.corners == 3:
         return [block]
     a, b, c, d = block.nodes[:, :4].T
@@ -232,7 +232,7 @@ def _as_triangles(points: Floats, block: CellBlock) -> list[CellBlock]:
 
 
 def _once(corners: Ints, areas: list[CellBlock]) -> tuple[Ints, dict[str, Ints], int]:
-    """Return every cell once, the cells of every group, and how many were there needlessly.
+    """Return each cell once, the cells of each group, and the number of repeated cells.
 
     Version 2.2 of Gmsh's format repeats a cell for each of its groups.
     """
@@ -257,7 +257,7 @@ def _once(corners: Ints, areas: list[CellBlock]) -> tuple[Ints, dict[str, Ints],
 
 
 def _faces(mesh: SkfemMesh, contents: Contents, number: Ints) -> tuple[dict[str, Ints], set[str]]:
-    """Return the facets of every group of edges, and the groups with none on an edge of a cell."""
+    """Return the facets of each group of edges, and groups that are not on edges of cells."""
     ends = np.sort(mesh.facets, axis=0).astype(np.int64)
     code = ends[0] * mesh.nvertices + ends[1]
     order = np.argsort(code)
@@ -283,7 +283,7 @@ def _faces(mesh: SkfemMesh, contents: Contents, number: Ints) -> tuple[dict[str,
     return {name: facets for name, facets in found.items() if name not in lost}, lost
 
 
-# Meshes from files: Gmsh's by `mshfile`, all others through meshio by `foreignmesh`.
+# Reading: Gmsh's files by `gmsh_format`, all others with meshio by `foreign_formats`.
 
 
 KEY = "mesh.file"
@@ -295,7 +295,7 @@ def read_mesh(path: Path, unit: float) -> SkfemMesh:
     Parameters
     ----------
     path : Path
-        Gmsh's .msh, or any format of meshio's; docs/how-to/own-mesh.md says what their groups are.
+        Gmsh's .msh, or any format of meshio; docs/how-to/own-mesh.md describes their groups.
     unit : float, m
         Length of one unit of the file's coordinates.
 
@@ -307,12 +307,12 @@ def read_mesh(path: Path, unit: float) -> SkfemMesh:
     Raises
     ------
     CaseError
-        The file can't be read, or it is not one plane body of cells that can be used.
+        The file can't be read, or it does not contain one plane body of valid cells.
 
     Warns
     -----
     UserWarning
-        What was changed, such as curved edges that are read as straight.
+        Changes of the mesh, such as straight instead of curved edges.
     """
     found = read_plane_mesh(path, unit)
     if found.repairs:
@@ -321,9 +321,9 @@ def read_mesh(path: Path, unit: float) -> SkfemMesh:
 
 
 def read_plane_mesh(path: Path, unit: float, key: str = KEY) -> PlaneMesh:
-    """Read a mesh file, and say how it was read; see `read_mesh`.
+    """Read a mesh file with sentences about its reading; see `read_mesh`.
 
-    The last file is kept: a case reads its mesh for the outlines of regions and for the model.
+    The last file is cached, because a case needs its mesh for outlines and for the model.
     """
     require_file(path, key, remedy="give a mesh file, such as Gmsh's .msh")
     try:
@@ -342,8 +342,8 @@ def read_plane_mesh(path: Path, unit: float, key: str = KEY) -> PlaneMesh:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, _changed: int, _size: int) -> PlaneMesh:
-    """Return the mesh in units of the file; the last arguments tell one version from another."""
-    # readers of formats are imported where a mesh is read, which scenes of a box never are
+    """Return the mesh in units of the file; the last arguments identify the version of the file."""
+    # format readers are imported here, because scenes with a box do not need them
     from needlefem.mesh.gmsh_format import is_msh, read_msh  # noqa: PLC0415
 
     with path.open("rb") as file:

@@ -1,8 +1,8 @@
-"""Mesh files of other programs, read by meshio in a process of its own.
+"""Mesh files of other programs, read by meshio in a separate process.
 
-A damaged file can make a reader raise anything, print, ask for all memory or never end. None of
-it reaches the caller: what the reader prints is caught, its memory and its time are bounded, and
-whatever happens to it becomes one `UnreadableMeshError`.
+A damaged file can cause any exception in a reader, or output, an endless loop, or a request for all
+memory. The output of the reader is therefore captured, its memory and time are limited, and each
+failure becomes one `UnreadableMeshError`.
 """
 
 import contextlib
@@ -21,10 +21,10 @@ from needlefem.mesh.file import CellBlock, Contents, UnreadableMeshError, printa
 
 SECONDS = 30.0
 SECONDS_PER_BYTE = 2e-5
-"""Time that a reader is given: text is read at more than ten times this speed."""
+"""Time limit of a reader: text is read more than ten times faster."""
 MEMORY = 2**31
 MEMORY_PER_BYTE = 100
-"""Memory that a reader is given, bytes."""
+"""Memory limit of a reader, bytes."""
 REFERENCES = {
     "medit:ref": "references",
     "nastran:ref": "property numbers",
@@ -33,11 +33,11 @@ REFERENCES = {
     "ugrid:ref": "references",
     "netgen:index": "region numbers",
 }
-"""Numbers of cells that a format's documentation calls those of its parts; 0 is none."""
+"""Cell data that contain the numbers of parts in the documentation of a format; 0 is no part."""
 PACKAGES = {"netCDF4": "netCDF4", "h5py": "h5py", "lxml": "lxml"}
-"""Modules that some of meshio's readers need, and the packages that hold them."""
+"""Modules that some readers of meshio need, and their packages."""
 OWN_GROUPS = ("skfem:s:", "skfem:b:")
-"""Beginnings of the cell data in which scikit-fem saves subdomains and boundaries."""
+"""Beginnings of the names of cell data in which scikit-fem stores subdomains and boundaries."""
 REMEDY = "give a mesh that is whole, such as Gmsh's .msh of version 4.1"
 
 
@@ -60,12 +60,12 @@ VOLUMES = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron", "VTK_LAGRANG
 
 
 def read_foreign(path: Path) -> Contents:
-    """Read a mesh file of any format of meshio's.
+    """Read a mesh file in any format of meshio.
 
     Raises
     ------
     UnreadableMeshError
-        Whatever happens to the reader.
+        The reader failed for any reason.
     """
     size = path.stat().st_size
     limit = SECONDS + SECONDS_PER_BYTE * size
@@ -86,7 +86,7 @@ def read_foreign(path: Path) -> Contents:
     try:
         with np.load(io.BytesIO(ended.stdout), allow_pickle=False) as loaded:
             arrays = dict(loaded)
-    except (ValueError, OSError, EOFError):  # nothing or not all was written: the reader died
+    except (ValueError, OSError, EOFError):  # no or incomplete output: the reader crashed
         problem = f"its reader ended with status {ended.returncode}"
         raise UnreadableMeshError(problem, REMEDY) from None
     told = json.loads(str(arrays["told"]))
@@ -96,10 +96,10 @@ def read_foreign(path: Path) -> Contents:
 
 
 def serve(path: str, memory: int) -> None:
-    """Read a file with meshio and write what it holds, or why it can't be read, as an npz file."""
+    """Read a file with meshio and write its contents, or the reason of a failure, as npz file."""
     out = os.fdopen(os.dup(1), "wb")
     silent = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silent, 1)  # libraries in C print there as well
+    os.dup2(silent, 1)  # C libraries print there as well
     try:
         import resource  # noqa: PLC0415  (not on Windows)
 
@@ -121,10 +121,10 @@ def serve(path: str, memory: int) -> None:
         }
     except MemoryError:
         arrays, told = {}, {"problem": "its counts ask for more memory than it can fill"}
-    except SystemExit:  # meshio leaves the process when no reader takes the file
+    except SystemExit:  # meshio exits if no reader accepts the file
         said = [line for line in printed.getvalue().splitlines() if line.strip()]
         arrays, told = {}, {"problem": _short(said[-1]) if said else "no reader takes it"}
-    except Exception as error:  # whatever it is, it is told to the caller
+    except Exception as error:  # any failure is reported to the caller
         text = _short(f"its reader raised {type(error).__name__}: {error}".rstrip(": "))
         arrays, told = {}, {"problem": text}
     if "problem" in told:
@@ -139,7 +139,7 @@ def _short(text: str) -> str:
 
 
 def _read(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
-    """Fill `told` and `arrays` with what meshio finds; see `_contents` for what is there."""
+    """Fill `told` and `arrays` with the contents of the file; see `_contents` for their keys."""
     import meshio  # noqa: PLC0415
 
     known = meshio.extension_to_filetypes
@@ -192,7 +192,7 @@ def _read_sets(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -> None
 
 
 def _contents(told: dict[str, Any], arrays: dict[str, Any]) -> Contents:
-    """Return the contents of a file from what `_read` filled in."""
+    """Return the contents of a file from the result of `_read`."""
     points = _in_space(arrays["points"])
     names = {(tag, dim): name for name, tag, dim in told["names"]}
     blocks: list[CellBlock] = []
@@ -240,7 +240,7 @@ def _names_of(
     *,
     names: dict[tuple[int, int], str],
 ) -> dict[str, Ints]:
-    """Return the cells of every group in a block."""
+    """Return the cells of each group in a block."""
     found: dict[str, list[Ints]] = {}
     tags = arrays.get(f"reference{number}", np.zeros(0))
     tags = tags if tags.shape == (count,) else np.zeros(count)
@@ -265,7 +265,7 @@ def _names_of(
 
 
 def _facets_of_scikit_fem(told: dict[str, Any], arrays: dict[str, Any]) -> dict[str, Ints]:
-    """Return groups of edges as scikit-fem saves them: a bit of a cell for each edge."""
+    """Return groups of edges in the encoding of scikit-fem: one bit of a cell per edge."""
     found: dict[str, list[Ints]] = {}
     for index, name in enumerate(told["own"]):
         kind, _, called = name.removeprefix("skfem:").partition(":")
@@ -283,7 +283,7 @@ def _facets_of_scikit_fem(told: dict[str, Any], arrays: dict[str, Any]) -> dict[
 
 
 def _blocks(shape: _Shape, cells: Ints, called: dict[str, Ints]) -> list[CellBlock]:
-    """Return the cells in blocks of which all cells are in the same groups."""
+    """Return the cells in blocks with the same groups."""
     member = np.zeros((len(cells), len(called)), dtype=bool)
     for column, rows in enumerate(called.values()):
         member[rows, column] = True

@@ -1,4 +1,4 @@
-"""Meshes of the tissue: boxes, refined where asked, with named faces and regions."""
+"""Generation of meshes: boxes, refinement, names of faces and regions."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -13,15 +13,15 @@ from needlefem.geometry.contour import Contour
 from needlefem.mesh.cell_map import cell_measures, is_simplicial
 
 BACKGROUND = "background"
-"""Name of the subdomain outside all regions."""
+"""Name of the subdomain outside of all regions."""
 
 COARSEST = 4.5
-"""Largest cell over the size wanted near a contour whose corners and centroid see the contour."""
+"""Largest size of a cell, relative to the size at a contour, for which `refine` detects it."""
 FARTHEST_CORNER = 0.75
-"""Largest distance of a corner from the centroid of a right isosceles triangle, over its leg."""
+"""Largest distance of a corner from the centroid of a right isosceles triangle, in legs."""
 
 SizeField = Callable[[Points], Floats]
-"""Wanted element size (m) at points, shape (n, dim); infinity where any size will do."""
+"""Requested element size (m) at points, shape (n, dim); infinity without a request."""
 
 
 def box(
@@ -30,7 +30,7 @@ def box(
     divisions: Sequence[int],
     pattern: str = "diagonal",
 ) -> SkfemMesh:
-    """Return a box of squares: cut into two (diagonal) or four (crossed) triangles, or whole."""
+    """Return a box of squares, as two (diagonal) or four (crossed) triangles, or undivided."""
     ticks = [
         start + length * np.arange(n + 1) / n
         for start, length, n in zip(origin, size, divisions, strict=True)
@@ -54,10 +54,10 @@ def _crossed(ticks: list[Floats]) -> SkfemMesh:
 
 
 def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
-    """Return triangles cut into three quadrilaterals each, from the edges' middles to the centre.
+    """Return each triangle as three quadrilaterals that meet at its centre.
 
-    So any refined or fitted mesh of triangles gives one of quadrilaterals. Regions and faces must
-    be named afterwards.
+    In this way each refined or fitted mesh of triangles gives one of quadrilaterals. Regions and
+    faces must be named again.
     """
     centroids = mesh.p[:, mesh.t].mean(axis=1)
     middles = mesh.p[:, mesh.facets].mean(axis=1)
@@ -70,10 +70,10 @@ def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
 
 
 def curved(mesh: SkfemMesh) -> SkfemMesh:
-    """Return the mesh with a node in the middle of every edge (and quadrilateral) as well.
+    """Return the mesh with midside nodes (and centre nodes of quadrilaterals).
 
-    Moved onto a curve they bend the edges. Such meshes serve statics; a needle does not find its
-    cells there.
+    If these are moved to a curve, the edges become curved. Such meshes are for static problems; the
+    search for points does not support them.
     """
     return (MeshTri2 if is_simplicial(mesh) else MeshQuad2).from_mesh(mesh)
 
@@ -81,7 +81,7 @@ def curved(mesh: SkfemMesh) -> SkfemMesh:
 def cell_sizes(mesh: SkfemMesh) -> Floats:
     """Return the size of every cell, m.
 
-    The side of a square of its area; for a triangle the leg of the right isosceles one.
+    The size is the side of a square with the same area, or the leg of a right isosceles triangle.
     """
     sizes: Floats = np.sqrt(cell_measures(mesh) * (2.0 if is_simplicial(mesh) else 1.0))
     return sizes
@@ -96,9 +96,9 @@ def signed_measures(mesh: SkfemMesh) -> Floats:
 
 
 def refine(mesh: SkfemMesh, size: SizeField, limit: int = 20) -> SkfemMesh:
-    """Refine adaptively until every cell is at most as large as wanted at its points.
+    """Refine adaptively until no cell is larger than the requested size at its points.
 
-    A cell is judged at its corners and centroid. Regions and faces must be named afterwards.
+    The points are the corners and the centroid. Regions and faces must be named again.
     """
     for _ in range(limit):
         centroids = mesh.p[:, mesh.t].mean(axis=1)
@@ -113,10 +113,10 @@ def refine(mesh: SkfemMesh, size: SizeField, limit: int = 20) -> SkfemMesh:
 
 
 def find_contour(mesh: SkfemMesh, contour: Contour, size: float, limit: int = 40) -> SkfemMesh:
-    """Refine the cells that a contour may pass, until `refine` can't miss it.
+    """Refine cells near a contour until `refine` detects the contour.
 
-    `refine` looks at corners and centroids of cells: a contour that lies between them, small
-    beside a cell, would be passed over. Cells of up to `COARSEST` times the size need no help.
+    `refine` evaluates the size at corners and centroids only, and would miss a contour that is
+    small compared to a cell. Cells of up to `COARSEST` times the size need no such refinement.
     """
     for _ in range(limit):
         sizes = cell_sizes(mesh)
@@ -130,7 +130,7 @@ def find_contour(mesh: SkfemMesh, contour: Contour, size: float, limit: int = 40
 
 
 def near_segment(begin: Points, end: Points, halfwidth: float, size: float) -> SizeField:
-    """Return a size field: `size` within `halfwidth` of a segment, any size elsewhere."""
+    """Return a size field: `size` within `halfwidth` of a segment, infinity elsewhere."""
     along = end - begin
     length2 = float(along @ along)
 
@@ -143,7 +143,7 @@ def near_segment(begin: Points, end: Points, halfwidth: float, size: float) -> S
 
 
 def near_contour(contour: Contour, size: float) -> SizeField:
-    """Return a size field: `size` within twice that of the contour, any size elsewhere."""
+    """Return a size field: `size` within twice this distance of the contour, infinity elsewhere."""
 
     def field(points: Points) -> Floats:
         return np.where(contour.distance(points) <= 2.0 * size, size, np.inf)
@@ -165,7 +165,7 @@ def name_faces(mesh: SkfemMesh, axes: Sequence[str]) -> SkfemMesh:
 
 
 def group_cells(mesh: SkfemMesh, group: str, key: str) -> Ints:
-    """Return the cells of a named group, or raise a `CaseError` with the names there are."""
+    """Return the cells of a named group, or raise a `CaseError` with the existing names."""
     present = mesh.subdomains or {}
     if group not in present:
         if group in (mesh.boundaries or {}):
@@ -181,7 +181,7 @@ def group_cells(mesh: SkfemMesh, group: str, key: str) -> Ints:
 
 
 def parts(mesh: SkfemMesh, cells: Ints) -> int:
-    """Return of how many parts that no edge joins a group of cells consists."""
+    """Return the number of parts of a group of cells that are not joined by edges."""
     number = np.full(mesh.nelements, -1)
     number[cells] = np.arange(len(cells))
     one, other = number[mesh.f2t[:, mesh.f2t[1] >= 0]]
@@ -192,7 +192,7 @@ def parts(mesh: SkfemMesh, cells: Ints) -> int:
 
 
 def outline(mesh: SkfemMesh, cells: Ints) -> Contour:
-    """Return the closed line of edges around a group of cells that encloses the largest area."""
+    """Return the closed polygon of edges around a group that encloses the largest area."""
     edges = np.bincount(mesh.t2f[:, cells].ravel(), minlength=mesh.nfacets) == 1
     neighbours: dict[int, list[int]] = {}
     for a, b in mesh.facets[:, edges].T:
@@ -219,9 +219,9 @@ def name_regions(
     contours: Mapping[str, Contour],
     groups: Mapping[str, Ints] | None = None,
 ) -> SkfemMesh:
-    """Name the cells whose centroid lies in a contour, and groups; of two the later wins.
+    """Name the cells with their centroid in a contour, and groups; the last region has priority.
 
-    The rest is named `BACKGROUND`. Raises a `CaseError` for a region without any cell.
+    All other cells are named `BACKGROUND`. A region without cells raises a `CaseError`.
     """
     owner = np.zeros(mesh.nelements, dtype=np.intp)
     centroids = mesh.p[:, mesh.t].mean(axis=1).T

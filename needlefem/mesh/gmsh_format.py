@@ -1,7 +1,7 @@
 """Gmsh's own files: MSH 2.2, 4.0 and 4.1, text and binary, with all physical groups.
 
 The layout is that of the Gmsh reference manual, sections "MSH file format" and "Legacy formats".
-Every count is compared with what is left of the file before anything of that size is allocated.
+Each count is compared with the remaining size of the file before memory is allocated.
 """
 
 import dataclasses
@@ -15,11 +15,11 @@ from needlefem.mesh.file import CellBlock, Contents, UnreadableMeshError, printa
 SAVE_AGAIN = "save it again with Gmsh as version 4.1 or 2.2"
 SURFACE = 2
 MOST_TAGS = 1000
-"""Tags of an element in version 2.2: its group, its entity and the parts that it belongs to."""
+"""Tags of an element in version 2.2: its group, its entity and its partitions."""
 
 
 class _Type(NamedTuple):
-    """An element type of Gmsh's."""
+    """An element type of Gmsh."""
 
     dim: int
     corners: int
@@ -47,7 +47,7 @@ def _refuse(problem: str, remedy: str = SAVE_AGAIN) -> NoReturn:
 
 
 class _Text:
-    """The numbers of a section of a text file, in order."""
+    """Numbers of a section of a text file in sequence."""
 
     def __init__(self, name: str, body: bytes) -> None:
         self._name, self._at = name, 0
@@ -72,7 +72,7 @@ class _Text:
         return found
 
     def alike(self, width: int, most: int) -> int:
-        """Return how many of the next rows have the second and third number of the first."""
+        """Return how many of the next rows have the same second and third number as the first."""
         rest = self._values[self._at :]
         most, step, count = min(most, len(rest) // width), 1, 1
         while count < most:
@@ -85,12 +85,12 @@ class _Text:
         return count
 
     def back(self, values: int) -> None:
-        """Return to the numbers before."""
+        """Set the position back to an earlier number."""
         self._at -= values
 
 
 class _Binary:
-    """The same for a section of a binary file."""
+    """Numbers of a section of a binary file in sequence."""
 
     def __init__(self, name: str, body: bytes, order: str, size: int) -> None:
         self._name, self._body, self._at = name, body, 0
@@ -135,12 +135,12 @@ def _whole(values: Floats, section: str) -> Ints:
 
 
 def _row(section: _Section, kinds: str) -> list[int]:
-    """Return one row of whole numbers, one for every letter of `kinds`."""
+    """Return one row of integers, one for each letter of `kinds`."""
     return [int(part[0, 0]) for part in section.table(1, *((kind, 1) for kind in kinds))]
 
 
 def _list(section: _Section, counted_by: str, kind: str) -> list[int]:
-    """Return a list that its length precedes."""
+    """Return a list that is preceded by its length."""
     (count,) = _row(section, counted_by)
     if not count:
         return []
@@ -149,7 +149,7 @@ def _list(section: _Section, counted_by: str, kind: str) -> list[int]:
 
 @dataclasses.dataclass(eq=False)
 class _Layout:
-    """How the file is written."""
+    """Format of the file: version, text or binary."""
 
     version: str
     order: str
@@ -161,17 +161,17 @@ class _Layout:
 
 
 def is_msh(start: bytes) -> bool:
-    """Say from its first bytes whether a file is Gmsh's."""
+    """Return whether a file is a Gmsh file, from its first bytes."""
     return b"$MeshFormat" in start or b"$NOD" in start or start.lstrip().startswith(b"$Comments")
 
 
 def read_msh(data: bytes) -> Contents:
-    """Read a file of Gmsh's.
+    """Read a Gmsh file.
 
     Raises
     ------
     UnreadableMeshError
-        Another version, a damaged file, or a part of a mesh.
+        The version is not supported, the file is damaged, or it is a part of a mesh.
     """
     sections = _sections(data)
     layout = _layout(sections)
@@ -269,11 +269,11 @@ def _type(number: int) -> _Type:
 
 
 _Block = tuple[_Type, Ints, frozenset[int]]
-"""Type, nodes of every element, shape (n, nodes), numbers of the physical groups of all."""
+"""Type, nodes of all elements, shape (n, nodes), and numbers of their physical groups."""
 
 
 def _elements_2(section: _Section) -> list[_Block]:
-    """Return elements of one type and group after another."""
+    """Return elements by type and group."""
     rows: dict[tuple[int, int], list[Ints]] = {}
     left = _count_2(section)
     while left > 0:
@@ -322,7 +322,7 @@ def _elements_4(
     groups: dict[tuple[int, int], frozenset[int]],
     surfaces: set[int],
 ) -> list[_Block]:
-    """Return the blocks of a file, of which the given partitioned surfaces must have cells."""
+    """Return the blocks of a file; all given partitioned surfaces must have cells."""
     new = layout.version == "4.1"
     found, filled = [], set()
     for _ in range(_row(section, "ssss" if new else "ss")[0]):
@@ -339,9 +339,9 @@ def _elements_4(
 def _entities(
     layout: _Layout, sections: dict[str, bytes]
 ) -> tuple[dict[tuple[int, int], frozenset[int]], set[int]]:
-    """Return the numbers of the groups of every entity, and the surfaces of a partitioned mesh.
+    """Return the group numbers of each entity, and the surfaces of a partitioned mesh.
 
-    Entities go by dimension and number.
+    Entities are identified by dimension and number.
     """
     found: dict[tuple[int, int], frozenset[int]] = {}
     if "Entities" in sections:
@@ -376,7 +376,7 @@ def _partitioned(section: _Section, found: dict[tuple[int, int], frozenset[int]]
 
 
 def _refuse_part(partitioned: set[int], filled: set[int]) -> None:
-    """Refuse a file that names the surfaces of all parts and holds cells of some alone."""
+    """Raise an error for a file that names all partitions and contains the cells of some only."""
     missing = partitioned - filled
     if missing:
         problem = f"it has no cells for {len(missing)} of the {len(partitioned)} surfaces of a "

@@ -1,8 +1,8 @@
-"""Whether a mesh is one body whose cells cover it once, each node being there once.
+"""Test that a mesh is one body without overlapping cells and coincident nodes.
 
-In the plane this is decided at the boundary. Where neighbours lie on opposite sides of every
-shared edge, cells can overlap only if the boundary crosses itself; and a node that is there
-twice, or lies on another cell's edge, has boundary on both sides.
+In 2D the test needs the boundary only. If neighbours are on opposite sides of each common edge,
+cells can overlap only if the boundary intersects itself. A repeated node, or a node on the edge of
+another cell, has boundary on both sides.
 """
 
 import numpy as np
@@ -15,20 +15,20 @@ from needlefem.geometry.contour import SegmentTree, along_a_curve, cross, turn
 from needlefem.mesh.cell_map import refuse_bad_cells
 
 TOUCHING = 1e-4
-"""Nodes and edges touch when they are at most this share of the edges' lengths apart."""
+"""Largest distance, relative to the edge lengths, at which nodes and edges coincide."""
 FLATTEST = 1e4
-"""Largest squared longest edge of a cell over its smallest Jacobian."""
+"""Largest ratio of the squared longest edge of a cell to its smallest Jacobian."""
 MERGE = "merge nodes at one place before saving (in Gmsh: BooleanFragments or Coherence)"
 
 
 def refuse_unsound(mesh: SkfemMesh, key: str) -> None:
-    """Raise a `CaseError` unless a mesh with straight edges is one body, covered once.
+    """Raise a `CaseError` unless a mesh with straight edges is one body without overlaps.
 
     Parameters
     ----------
     mesh : skfem.Mesh
     key : str
-        What the user gave the mesh by.
+        Key or option of the mesh, for error messages.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def _refuse_bad_shapes(mesh: SkfemMesh, key: str) -> None:
 
 
 def _refuse_shared_edges(mesh: SkfemMesh, key: str) -> None:
-    """Refuse facets of more than two cells, and neighbours on the same side of their facet."""
+    """Raise an error for facets of more than two cells, and for folded neighbours."""
     count = np.bincount(mesh.t2f.ravel(), minlength=mesh.nfacets)
     remedy = "leave out the cells that lie on others"
     many = np.flatnonzero(count > 2)
@@ -124,18 +124,18 @@ def _refuse_shared_edges(mesh: SkfemMesh, key: str) -> None:
 
 
 def _parts(mesh: SkfemMesh) -> list[int]:
-    """Return how many cells every part has that is joined by facets, the largest first."""
+    """Return the number of cells of each part that is joined by facets, the largest first."""
     one, other = mesh.f2t[:, mesh.f2t[1] >= 0]
     size = mesh.nelements
     starts = np.append(0, np.cumsum(np.bincount(one, minlength=size)))
-    # compressed rows of floats are what the search would convert all else into
+    # the row format with floats avoids a conversion in the search
     graph = csr_array((np.ones(len(one)), other[np.argsort(one)], starts), shape=(size, size))
     _, part = connected_components(graph, directed=False)
     return sorted(np.bincount(part).tolist(), reverse=True)
 
 
 def _boundary(mesh: SkfemMesh) -> tuple[Ints, SegmentTree]:
-    """Return the nodes of boundary edges, shape (n, 2), and where the edges are."""
+    """Return the nodes of boundary edges, shape (n, 2), and the positions of the edges."""
     ends = mesh.facets[:, mesh.boundary_facets()].T
     points = mesh.p.T
     ends = ends[along_a_curve(points[ends].mean(axis=1))]
@@ -143,7 +143,7 @@ def _boundary(mesh: SkfemMesh) -> tuple[Ints, SegmentTree]:
 
 
 def _touching_nodes(mesh: SkfemMesh, ends: Ints, tree: SegmentTree) -> tuple[Ints, Ints]:
-    """Return boundary nodes at the place of one before them, and those on an edge of others."""
+    """Return boundary nodes that coincide with an earlier node, and those on edges of others."""
     length = np.linalg.norm(tree.end - tree.begin, axis=1)
     near = np.full(mesh.nvertices, np.inf)
     for column in ends.T:
@@ -172,7 +172,7 @@ def _touching_nodes(mesh: SkfemMesh, ends: Ints, tree: SegmentTree) -> tuple[Int
 
 
 def _same_nodes(mesh: SkfemMesh) -> Ints:
-    """Return the nodes of a mesh in space that share their place."""
+    """Return coincident nodes of a 3D mesh."""
     size = float(np.max(np.ptp(mesh.p, axis=1)))
     places = np.round(mesh.p.T / (1e-9 * size))
     _, owner, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)

@@ -1,8 +1,8 @@
-"""Whether an accuracy that is asked for is had, and whether the stated error holds.
+"""Compare the requested accuracy and the stated error of plans with their true error.
 
-Targets are planned with `planning.accuracy`; every plan is carried out on a discretisation taken
-as exact. The error there is to be below what was asked for and below the stated error, and the
-estimate, without the safety factor of the stated error, within a factor five of it.
+Targets are planned with `planning.accuracy`. Each plan is carried out on a reference
+discretisation. Its error there must be smaller than the requested accuracy and the stated error,
+and the estimate (the stated error without safety factor) must be within a factor five of it.
 """
 
 import dataclasses
@@ -20,21 +20,21 @@ from needlefem.studies.targets import draw_targets
 
 COUNT = 20
 REQUESTS = (1e-4, 2e-5)
-"""Accuracies asked for, m."""
+"""Requested accuracies, m."""
 FACTOR = 5.0
-"""Within which the estimate is to be of the true error."""
+"""Largest ratio of estimate and true error, in both directions."""
 AGREE = 0.2 * min(REQUESTS)
-"""Distance at which two exact discretisations may place the same release, m."""
+"""Largest distance between the placements of one release on two reference discretisations, m."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return a table of what is taken as exact, and one of targets for each accuracy."""
+    """Return a table of the reference discretisations, and one of targets for each accuracy."""
     del other
     return [agreement(scene), *requests(scene)]
 
 
 def agreement(scene: Scene) -> Table:
-    """Return where the case's own plan places on discretisations taken as exact."""
+    """Return the placement of the case's own plan on the reference discretisations."""
     if scene.target is None:
         raise CaseError("target.point", "missing", "the study needs a target")
     found, places, rows = plan(scene), [], list[list[object]]()
@@ -59,7 +59,7 @@ def agreement(scene: Scene) -> Table:
 def requests(
     scene: Scene, accuracies: tuple[float, ...] = REQUESTS, count: int = COUNT
 ) -> list[Table]:
-    """Return for each accuracy what was chosen, the estimate and the true error, by target."""
+    """Return discretisation, estimate and true error by target, for each accuracy."""
     wanted = scene.targets and dataclasses.replace(scene.targets, count=count)
     targets = draw_targets(dataclasses.replace(scene, targets=wanted))
     rows = [planned(scene, target, accuracies) for target in targets]
@@ -70,7 +70,7 @@ def requests(
 
 
 def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list[list[object]]:
-    """Return the rows of a target, one for each accuracy."""
+    """Return the rows of a target, one per accuracy."""
     exact = reference(scene, target)
     errors: dict[bytes, float] = {}
     rows: list[list[object]] = []
@@ -85,7 +85,7 @@ def planned(scene: Scene, target: Vector, accuracies: tuple[float, ...]) -> list
         ):
             rows.append([*place, *[""] * 8, str(found.status), False, False, False])
             continue
-        release = found.best.release_point.tobytes()  # the same plan may do for two accuracies
+        release = found.best.release_point.tobytes()  # two accuracies may have the same plan
         if release not in errors:
             errors[release] = true_error(exact, found)
         said, error, stated = evidence.estimate.error, errors[release], evidence.estimate.at_most

@@ -1,8 +1,8 @@
 """The plan under refinement along the path and at the contours.
 
-Path spacing and kernel quadrature stay fixed; the quadrature is fine enough for the finest mesh.
-A tip with a radius converges; a point tip drifts, because the displacement under a point force
-is unbounded.
+Path spacing and kernel quadrature are fixed; the quadrature is sufficient for the finest mesh. The
+plan converges for a tip with a radius. It does not converge for a point tip, because the
+displacement under a point force is unbounded.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ from needlefem.scene import Scene, one_contour_size, vary
 LEVELS = 4
 KERNEL_POINTS = 800
 LAST_MOVE, LAST_SHARE = 5e-5, 1.0 / 3.0
-"""Bounds of the last move: in m, and as a share of the first."""
+"""Bounds of the last change of the release point: in m, and relative to the first change."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return a table for the disc and one for the point tip."""
+    """Return one table for the disc and one for the point tip."""
     del other
     return [refinement(scene, "disc"), refinement(scene, "point")]
 

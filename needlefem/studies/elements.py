@@ -1,7 +1,7 @@
-"""The plan on every element: what the choice moves, costs and warns of.
+"""The plan for each element of the catalogue: release point, cost and warnings.
 
-Each plans on the case's own sizes and on elements half as large. Those that do not lock at the
-case's Poisson's ratios must then agree; the others are shown beside them.
+Each plan uses the element sizes of the case, and half of them. With half of the sizes, the plans of
+elements that do not lock at the case's Poisson's ratios must agree; the others are listed too.
 """
 
 import time
@@ -51,7 +51,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def refined(scene: Scene) -> Scene:
-    """Return the scene with elements half as large along the needle and at the contours."""
+    """Return the scene with half of the element size along the needle and at the contours."""
     if not isinstance(scene.mesh, BoxMesh):
         raise CaseError("mesh.file", "a mesh from a file has the sizes it has", "study a box")
     refine = scene.mesh.refine
@@ -65,7 +65,7 @@ def refined(scene: Scene) -> Scene:
 
 
 def locks(scene: Scene, name: str) -> bool:
-    """Say whether an element locks at a Poisson's ratio of the scene."""
+    """Return whether an element locks at a Poisson's ratio of the scene."""
     worst = max(volumetric_split(material).poissons_ratio for material in scene.materials.values())
     return worst > element_row(name).poissons_ratio_limit
 

@@ -1,7 +1,7 @@
-"""Whether the plan depends on numbers of the method.
+"""Influence of the numerical parameters on the plan.
 
-A plan made with the case's own numbers is carried out with others. Where the seed then ends may
-move by 0.02 mm at the most for each of them: mesh, path spacing, lateral hold, quadrature.
+A plan with the case's own parameters is carried out with others: mesh, path spacing, lateral
+penalty, quadrature. For each of them the final position of the seed may change by 0.02 mm at most.
 """
 
 from typing import Any
@@ -14,11 +14,11 @@ from needlefem.scene import BoxMesh, Refinement, Scene, contour_sizes, vary
 from needlefem.scene.resolve import resolve
 
 BOUND = 2e-5
-"""Largest move of the seed, m."""
+"""Largest change of the final position of the seed, m."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return the moves of the seed for all variations."""
+    """Return the change of the seed's final position for all variations."""
     del other
     plan = planner_of(scene).plan()
     rows = []
@@ -37,7 +37,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def variations(scene: Scene) -> dict[str, dict[str, Any]]:
-    """Return the changes to a resolved scene, by name."""
+    """Return the changes of a resolved scene by name."""
     spacing = scene.discretization.path_spacing
     hold, points = scene.needle.lateral_penalty, scene.discretization.tip_quadrature_points
     found: dict[str, dict[str, Any]] = {"nothing": {}}

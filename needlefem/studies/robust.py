@@ -1,7 +1,7 @@
-"""What a plan is worth where the tissue is not the model.
+"""Placement error of a plan that is carried out on other models.
 
-A plan hits its own model to 1e-6 cm; that is no accuracy. Carried out on another discretisation
-or with other parameters it misses by what should be expected of it.
+The residual of a plan on its own model is 1e-6 cm, which does not measure its accuracy. Its error
+on another discretisation or with other parameters shows the error that must be expected.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from needlefem.scene import Scene, field_of, vary
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return where the case's plan ends elsewhere."""
+    """Return the final positions of the seed for the case's plan on other models."""
     plan = planner_of(scene).plan()
     if plan.best is None:
         raise SimulationError(f"no plan to carry out: {plan.sentence}")
@@ -40,7 +40,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def perturbed(scene: Scene) -> dict[str, Scene]:
-    """Return the scene with single parameters 10 % up and down."""
+    """Return scenes with one parameter increased or decreased by 10 %."""
     names = {f"stiffness of {n}": f"materials.{n}.youngs_modulus" for n in scene.materials}
     names |= {"cutting force": "needle.cutting_force", "shaft friction": "needle.shaft_friction"}
     found = {}

@@ -1,7 +1,7 @@
-"""Noise of the map from insertion height to signed miss and depth.
+"""Numerical noise in lateral error and depth as functions of the insertion height.
 
-Second differences over many heights close to each other: what is left is kinks where a contact
-point crosses an element edge. A search can't resolve what lies below the noise.
+The second differences for many heights at small distances show kinks where a contact point crosses
+an element edge. A search can't resolve differences below this noise.
 """
 
 import numpy as np
@@ -14,11 +14,11 @@ from needlefem.scene import Scene
 
 HEIGHTS = 200
 BOUNDS = {5e-8: 1e-8, 5e-6: 1e-6}
-"""Largest second difference (m) by the distance of the heights (m)."""
+"""Largest second difference (m) by the distance between heights (m)."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return the largest second differences, at the planned height."""
+    """Return the largest second differences around the planned height."""
     del other
     planner = planner_of(scene)
     planner.simulation.responses = CachedCompliance(planner.simulation.model)

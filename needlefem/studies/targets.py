@@ -1,4 +1,4 @@
-"""Many targets: how well the planner does on points drawn at random."""
+"""Plans for many random targets."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -24,27 +24,27 @@ class TargetTable:
 
     @property
     def unsolved(self) -> tuple[Plan, ...]:
-        """Plans whose search found no height that hits."""
+        """Plans whose search found no root."""
         return tuple(plan for plan in self.plans if plan.status is not PlanStatus.PLANNED)
 
     @property
     def unplanned_mean(self) -> float:
-        """Mean placement error without planning, over the targets where it is known, m."""
+        """Mean error of the unplanned insertions with a known result, m."""
         return float(np.mean(self._unplanned()))
 
     @property
     def unplanned_sd(self) -> float:
-        """Standard deviation (of the sample) of the same, m."""
+        """Sample standard deviation of these errors, m."""
         return float(np.std(self._unplanned(), ddof=1))
 
     @property
     def planned_mean(self) -> float:
-        """Mean placement error after planning, over the targets with a plan, m."""
+        """Mean placement error of the plans, m."""
         return float(np.mean(_known([plan.best for plan in self.plans])))
 
     @property
     def unknown(self) -> tuple[Plan, ...]:
-        """Plans whose unplanned release is not known: its insertion broke off, or ended before."""
+        """Plans whose unplanned release is unknown, because its insertion ended early."""
         return tuple(plan for plan in self.plans if plan.unplanned is None)
 
     def _unplanned(self) -> list[float]:
@@ -52,7 +52,7 @@ class TargetTable:
 
 
 def _known(releases: Sequence[Release | None]) -> list[float]:
-    """Return the errors of the releases that are there; NaN if there is none."""
+    """Return the errors of the known releases; NaN for the others."""
     errors = [release.placement_error for release in releases if release is not None]
     return errors or [np.nan]
 
@@ -64,7 +64,7 @@ def _error(release: Release | None) -> str | float:
 def draw_targets(scene: Scene) -> Points:
     """Return points drawn uniformly inside the region that the case names, shape (n, dim), m.
 
-    In a group of the mesh file they are drawn in its cells: in all of its parts, and in no hole.
+    For a group of the mesh file they are drawn in its cells: in all of its parts, not in its holes.
     """
     wanted = scene.targets
     if wanted is None:
@@ -89,7 +89,7 @@ def _in_cells(mesh: SkfemMesh, cells: Ints, count: int, random: np.random.Genera
     """Return points drawn uniformly in cells of a plane mesh, shape (count, 2), m."""
     corners = mesh.p[:, mesh.t[:, cells]].transpose(2, 1, 0)
     fans = [corners[:, [0, n, n + 1]] for n in range(1, corners.shape[1] - 1)]
-    triangles = np.concatenate(fans)  # of each cell: a quadrilateral is two of them
+    triangles = np.concatenate(fans)  # a quadrilateral consists of two triangles
     one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     areas = np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
     chosen = random.choice(len(areas), size=count, p=areas / areas.sum())
@@ -103,7 +103,7 @@ def _in_cells(mesh: SkfemMesh, cells: Ints, count: int, random: np.random.Genera
 
 
 def target_table(scene: Scene, targets: Points) -> TargetTable:
-    """Plan every target, on one model."""
+    """Plan each target on one model."""
     simulation = Simulation(scene)
     return TargetTable(tuple(Planner(simulation, target).plan() for target in targets))
 
@@ -122,7 +122,7 @@ def _row(plan: Plan, golden: Plan) -> list[object]:
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return a row a target: errors without and with a plan, and what either search costs."""
+    """Return one row per target: errors without and with a plan, and the cost of both searches."""
     del other
     targets = draw_targets(scene)
     found = target_table(scene, targets)
