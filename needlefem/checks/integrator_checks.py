@@ -40,7 +40,7 @@ def energy_drift(model: TissueModel, step: float, count: int, lumping: str | Non
     motion = dynamics.start(start, np.zeros_like(start))
     energy, drift = energy_of(motion), 0.0
     for number in range(1, count + 1):
-        motion = dynamics.advance(motion, dynamics.free_motion(motion))
+        motion = dynamics.advance(motion, dynamics.free_displacement(motion))
         if number % max(1, count // 100) == 0:
             drift = max(drift, abs(energy_of(motion) / energy - 1.0))
     return drift
@@ -88,7 +88,7 @@ def amplification(integrator: Integrator, step: float, ratio: float = 0.0) -> Fl
     for unit in np.eye(3):
         u, v, a = (np.array([x]) for x in unit / scale)
         zero = np.zeros(1)
-        moved = stepper.advance_under(KinematicState(u, v, a), zero, zero)
+        moved = stepper.step_under_load(KinematicState(u, v, a), zero, zero)
         columns.append(scale * np.concatenate([moved.u, moved.v, moved.a]))
     return np.array(columns).T
 
@@ -238,7 +238,7 @@ def energy_taken(integrator: Integrator) -> float:
     motion = stepper.start(np.array([0.3]), np.array([-0.2]), _push(0.0))
     for number in range(2000):
         before, after = _push(step * number), _push(step * (number + 1))
-        old, motion = motion, stepper.advance_under(motion, before, after)
+        old, motion = motion, stepper.step_under_load(motion, before, after)
         ledger.add(old, motion, before, after)
     return abs(ledger.algorithmic) / ledger.turnover + ledger.residual
 

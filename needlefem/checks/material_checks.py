@@ -24,7 +24,7 @@ def check_law(material: Material) -> tuple[CheckResult, ...]:
     """
     always = [density(material), stable(material)]
     try:
-        material.respond(np.zeros((3, 3)))
+        material.evaluate(np.zeros((3, 3)))
     except CaseError:
         return (*always, *_of_constants(material))
     return (
@@ -44,7 +44,7 @@ def _trials() -> Floats:
 
 
 def _scale(material: Material) -> float:
-    return float(np.abs(_tangent(material.respond(np.zeros((3, 3))))).max())
+    return float(np.abs(_tangent(material.evaluate(np.zeros((3, 3))))).max())
 
 
 def _tangent(response: MaterialResponse) -> Floats:
@@ -54,8 +54,8 @@ def _tangent(response: MaterialResponse) -> Floats:
 def _slope(material: Material, gradient: Floats, direction: Floats) -> tuple[Floats, Floats]:
     """Return derivatives of energy and stress along a direction of the gradient."""
     step = 0.1 * SMALL
-    ahead = material.respond(gradient + step * direction)
-    behind = material.respond(gradient - step * direction)
+    ahead = material.evaluate(gradient + step * direction)
+    behind = material.evaluate(gradient - step * direction)
     energy = (np.asarray(ahead.energy) - np.asarray(behind.energy)) / (2.0 * step)
     stress = (np.asarray(ahead.stress) - np.asarray(behind.stress)) / (2.0 * step)
     return energy, stress
@@ -87,7 +87,7 @@ def stable(material: Material) -> CheckResult:
 
 def rest(material: Material) -> CheckResult:
     """Check that undeformed tissue has neither stress nor energy."""
-    found = material.respond(np.zeros((3, 3)))
+    found = material.evaluate(np.zeros((3, 3)))
     worst = max(float(np.abs(found.stress).max()), abs(float(found.energy)))
     return CheckResult(
         name="rest",
@@ -102,7 +102,7 @@ def stress_of_energy(material: Material) -> CheckResult:
     worst = 0.0
     scale = _scale(material) * SMALL
     for gradient in _trials():
-        stress = np.asarray(material.respond(gradient).stress)
+        stress = np.asarray(material.evaluate(gradient).stress)
         for direction in np.eye(9).reshape(9, 3, 3):
             energy, _ = _slope(material, gradient, direction)
             worst = max(worst, abs(float(energy) - float(np.sum(stress * direction))) / scale)
@@ -118,7 +118,7 @@ def tangent_of_stress(material: Material) -> CheckResult:
     """Check that the tangent is the stress's derivative (Newton's method converges)."""
     worst, scale = 0.0, _scale(material)
     for gradient in _trials():
-        tangent = _tangent(material.respond(gradient))
+        tangent = _tangent(material.evaluate(gradient))
         for direction in np.eye(9).reshape(9, 3, 3):
             _, stress = _slope(material, gradient, direction)
             off = stress - np.tensordot(tangent, direction, 2)
@@ -133,7 +133,7 @@ def tangent_of_stress(material: Material) -> CheckResult:
 
 def tangent_symmetric(material: Material) -> CheckResult:
     """Check that the tangent has the symmetry of a second derivative."""
-    tangent = _tangent(material.respond(_trials()[0]))
+    tangent = _tangent(material.evaluate(_trials()[0]))
     off = np.abs(tangent - np.transpose(tangent, (2, 3, 0, 1))).max()
     return CheckResult(
         name="tangent symmetric",
@@ -145,7 +145,7 @@ def tangent_symmetric(material: Material) -> CheckResult:
 
 def rotation(material: Material) -> CheckResult:
     """Check that an infinitesimal rotation of undeformed tissue costs no stress."""
-    tangent = _tangent(material.respond(np.zeros((3, 3))))
+    tangent = _tangent(material.evaluate(np.zeros((3, 3))))
     turns = np.array([[[0, 1, 0], [-1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [-1, 0, 0]]])
     worst = max(float(np.abs(np.tensordot(tangent, turn, 2)).max()) for turn in turns)
     return CheckResult(
@@ -171,7 +171,7 @@ def _of_constants(material: Material) -> list[CheckResult]:
 def _compliance(material: Material) -> Floats:
     if isinstance(material, HasCompliance):
         return material.compliance()
-    tangent = voigt.tangent_matrix(_tangent(material.respond(np.zeros((3, 3)))))
+    tangent = voigt.tangent_matrix(_tangent(material.evaluate(np.zeros((3, 3)))))
     return np.asarray(np.linalg.inv(tangent), dtype=float)
 
 
@@ -181,7 +181,7 @@ def compliance(material: HasCompliance) -> CheckResult:
     off = float(np.abs(matrix - matrix.T).max() / np.abs(matrix).max())
     if isinstance(material, Material):
         try:
-            relaxed = material.respond(np.zeros((3, 3)), None, np.inf)
+            relaxed = material.evaluate(np.zeros((3, 3)), None, np.inf)
             stiffness = voigt.tangent_matrix(_tangent(relaxed))
             spread = np.abs(stiffness) @ np.abs(matrix)
             off = max(off, float(np.max(np.abs(stiffness @ matrix - np.eye(6)) / spread.max())))
@@ -238,7 +238,7 @@ def _walk(material: Material, steps: int) -> tuple[Floats, Floats]:
     for leg in SMALL * np.random.default_rng(5).normal(size=(12, 3, 3)):
         work = 0.0
         for _ in range(steps):
-            found = material.respond(gradient + leg / steps, state, time / steps)
+            found = material.evaluate(gradient + leg / steps, state, time / steps)
             work += 0.5 * float(np.sum((found.stress + stress) * leg)) / steps
             gradient, state, stress = gradient + leg / steps, found.state, np.asarray(found.stress)
         lost.append(work - (float(found.energy) - energy))

@@ -2,8 +2,9 @@
 
 An integrator is an immutable set of parameters. Its method `stepper` returns an object for one
 system and one step, with a single factorisation. The contact uses three parts of an implicit
-stepper: the operator ``A`` (its `factor`), the displacement without contact forces (`free_motion`),
-and the update of velocity and acceleration from the displacement (`advance`).
+stepper: the operator ``A`` (its `factor`), the displacement without contact forces
+(`free_displacement`), and the update of velocity and acceleration from the displacement
+(`advance`).
 """
 
 import dataclasses

@@ -34,7 +34,7 @@ class Stepper(Protocol):
         """Return the state with a given displacement and velocity under a force."""
         ...
 
-    def advance_under(
+    def step_under_load(
         self, motion: KinematicState, before: Floats, after: Floats
     ) -> KinematicState:
         """Return the state after a step; forces at the start and the end of it, shape (n,), N."""
@@ -116,7 +116,7 @@ class ImplicitStepper:
         """Return the undeformed system at rest."""
         return at_rest(self.system)
 
-    def free_motion(self, motion: KinematicState, force: Floats | None = None) -> Floats:
+    def free_displacement(self, motion: KinematicState, force: Floats | None = None) -> Floats:
         """Return the displacement after a step under a given force, shape (n,), m.
 
         `force` is the force at ``1 - weights.force`` of the step.
@@ -135,13 +135,13 @@ class ImplicitStepper:
         parts = self._memory.advance(motion.parts, change) if self._memory else motion.parts
         return KinematicState(u, v, a, parts)
 
-    def advance_under(
+    def step_under_load(
         self, motion: KinematicState, before: Floats, after: Floats
     ) -> KinematicState:
         """See `Stepper`."""
         share = self.weights.force
         force = after if share == 0.0 else (1.0 - share) * after + share * before
-        return self.advance(motion, self.free_motion(motion, force))
+        return self.advance(motion, self.free_displacement(motion, force))
 
 
 class ExplicitStepper:
@@ -163,7 +163,7 @@ class ExplicitStepper:
         """See `Stepper`."""
         return _start(self.system, u, v, force)
 
-    def advance_under(
+    def step_under_load(
         self, motion: KinematicState, before: Floats, after: Floats
     ) -> KinematicState:
         """See `Stepper`."""
@@ -200,7 +200,7 @@ class StaticStepper:
             parts += found
         return KinematicState(found, v.copy(), np.zeros_like(v), parts)
 
-    def free_motion(self, motion: KinematicState, force: Floats | None = None) -> Floats:
+    def free_displacement(self, motion: KinematicState, force: Floats | None = None) -> Floats:
         """Return the displacement after a step under the force at its end, shape (n,), m."""
         rhs = np.zeros_like(motion.u) if force is None else force.copy()
         if self._memory:
@@ -213,12 +213,12 @@ class StaticStepper:
         parts = self._memory.advance(motion.parts, moved) if self._memory else motion.parts
         return KinematicState(u, moved / self.step, np.zeros_like(u), parts)
 
-    def advance_under(
+    def step_under_load(
         self, motion: KinematicState, before: Floats, after: Floats
     ) -> KinematicState:
         """See `Stepper`."""
         del before
-        return self.advance(motion, self.free_motion(motion, after))
+        return self.advance(motion, self.free_displacement(motion, after))
 
 
 # Functions that run a stepper under a load: a generator, and functions that collect its results.
@@ -239,7 +239,7 @@ def iterate(
     before = zero if load is None else load(0.0)
     for number in range(1, count + 1):
         after = zero if load is None else load(number * stepper.step)
-        motion = stepper.advance_under(motion, before, after)
+        motion = stepper.step_under_load(motion, before, after)
         before = after
         yield motion
 

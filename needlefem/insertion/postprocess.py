@@ -100,7 +100,7 @@ def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
             stepper = steppers.get(f"{step:.9e}", partial(StaticStepper, system, step))
         if stepper is not None:  # forces that follow at the same time act from the same start on
             free = force[model.free_dofs]
-            motion = stepper.advance_under(start, free, free)
+            motion = stepper.step_under_load(start, free, free)
         yield motion.u
 
 

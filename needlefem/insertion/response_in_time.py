@@ -80,7 +80,7 @@ class ViscoelasticResponse:
             rest = np.zeros(self.system.size)
             self._motion = self._stepper.start(rest, rest)
         self._start, self._ended = self._motion, False
-        self._free = self._stepper.free_motion(self._motion)
+        self._free = self._stepper.free_displacement(self._motion)
         self.background = self.system.nodal(self._free)
 
     def _ready(self, duration: float) -> tuple[StaticStepper, ComplianceOperator]:
@@ -209,7 +209,7 @@ class DynamicResponse:
             self._start = dataclasses.replace(self.motion, a=np.zeros_like(self.motion.a))
         share = self._stepper.weights.force
         carried = share * self._forces if share else None
-        self._free = self._stepper.free_motion(self._start, carried)
+        self._free = self._stepper.free_displacement(self._start, carried)
         self.background = self.system.nodal(self._free)
 
     def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats:

@@ -42,7 +42,7 @@ class Material(Protocol):
         """Mass per volume, kg/m^3."""
         ...
 
-    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
+    def evaluate(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
         """Return the response to a displacement gradient.
 
         Parameters

@@ -33,7 +33,7 @@ class LinearElastic(Validated, abc.ABC):
         """Return the Maxwell branches parallel to the spring of the compliance; none if elastic."""
         return ()
 
-    def respond(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
+    def evaluate(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
         """See `needlefem.materials.base.Material`.
 
         Raises

@@ -38,11 +38,11 @@ def refuse_nonlinear(material: Material, key: str) -> None:
         The stress is not proportional to the displacement gradient, the compliance does not agree
         with the stress, or the law has internal variables but no branches.
     """
-    if isinstance(material, LinearElastic) and type(material).respond is LinearElastic.respond:
+    if isinstance(material, LinearElastic) and type(material).evaluate is LinearElastic.evaluate:
         return  # the stress is computed from the compliance
     name = type(material).__name__
     try:
-        rest = material.respond(np.zeros((3, 3)), None, math.inf)
+        rest = material.evaluate(np.zeros((3, 3)), None, math.inf)
     except CaseError:
         if isinstance(material, HasCompliance):
             return  # incompressible: the stress does not follow from the strain
@@ -50,7 +50,7 @@ def refuse_nonlinear(material: Material, key: str) -> None:
     tangent = np.asarray(rest.tangent, dtype=float)
     scale = float(np.abs(tangent).max())
     for gradient in _trials():
-        stress = np.asarray(material.respond(gradient, None, math.inf).stress, dtype=float)
+        stress = np.asarray(material.evaluate(gradient, None, math.inf).stress, dtype=float)
         linear = np.tensordot(tangent, gradient, axes=2)
         if not np.abs(stress - linear).max() <= SAME * scale * np.abs(gradient).max():
             problem = f"{name} is not linear; a needle can be simulated with linear laws only"
@@ -76,5 +76,5 @@ def _compare(compliance: Floats, tangent: Floats, name: str, key: str) -> None:
     """Raise an error for a compliance that is not the inverse of the tangent."""
     product = compliance @ voigt.tangent_matrix(tangent)
     if not np.abs(product - np.eye(len(product))).max() <= SAME:
-        problem = f"{name}.compliance() and {name}.respond() are not the same law"
+        problem = f"{name}.compliance() and {name}.evaluate() are not the same law"
         raise CaseError(key, problem, "derive respond() from the compliance, or omit it")

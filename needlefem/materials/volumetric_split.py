@@ -93,7 +93,7 @@ def _compliance(material: Material) -> Floats:
     """Return the compliance of a linear law, or the inverse of a law's tangent at zero strain."""
     if isinstance(material, HasCompliance):
         return material.compliance()
-    tangent = voigt.tangent_matrix(material.respond(np.zeros((3, 3))).tangent)
+    tangent = voigt.tangent_matrix(material.evaluate(np.zeros((3, 3))).tangent)
     return np.asarray(np.linalg.inv(tangent), dtype=float)
 
 

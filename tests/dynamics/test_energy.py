@@ -47,7 +47,7 @@ def moved(integrator: Integrator, step: float, end: float) -> TissueEnergyBalanc
     ledger, motion = TissueEnergyBalance(stepper), stepper.start(*FIRST, push(0.0))
     for number in range(round(end / step)):
         before, after = push(step * number), push(step * (number + 1))
-        old, motion = motion, stepper.advance_under(motion, before, after)
+        old, motion = motion, stepper.step_under_load(motion, before, after)
         ledger.add(old, motion, before, after)
     return ledger
 
@@ -101,7 +101,7 @@ def test_undamped_newmark_takes_what_its_known_balance_says() -> None:
     ledger, motion = TissueEnergyBalance(stepper), stepper.start(*FIRST)
     none, late = np.zeros(2), step**2 * (beta - 0.5 * gamma)
     for _ in range(20):
-        old, motion = motion, stepper.advance_under(motion, none, none)
+        old, motion = motion, stepper.step_under_load(motion, none, none)
         before = ledger.algorithmic
         ledger.add(old, motion, none, none)
         du, da = motion.u - old.u, motion.a - old.a
@@ -135,7 +135,7 @@ def test_a_wrong_term_shows_in_the_residual(
 def test_a_force_that_the_motion_does_not_have_shows_in_the_residual() -> None:
     stepper = GeneralizedAlpha().stepper(system(), 0.05)
     ledger, motion = TissueEnergyBalance(stepper), stepper.start(*FIRST, push(0.0))
-    new = stepper.advance_under(motion, push(0.0), push(0.05))
+    new = stepper.step_under_load(motion, push(0.0), push(0.05))
     ledger.add(motion, new, push(0.0), 1.01 * push(0.05))
     assert ledger.residual > 1e-5
 
@@ -146,7 +146,7 @@ def test_equilibrium_step_by_step_takes_nothing() -> None:
     force = np.zeros(2)
     for number in range(1, 40):
         before, force = force, push(0.1 * number)
-        old, motion = motion, stepper.advance_under(motion, before, force)
+        old, motion = motion, stepper.step_under_load(motion, before, force)
         ledger.add(old, motion, before, force)
     assert abs(ledger.algorithmic) <= 1e-13 * ledger.turnover
     assert ledger.residual <= 1e-13
@@ -165,7 +165,7 @@ def test_what_a_foreign_integrator_takes_is_missing() -> None:
     assert stepper._own.weights == AlphaParameters(0.0, 0.0, 0.25, 0.5)
     ledger, none = TissueEnergyBalance(stepper), np.zeros(2)  # type: ignore[arg-type]
     motion = stepper._own.start(*FIRST)
-    new = stepper._own.advance_under(motion, none, none)
+    new = stepper._own.step_under_load(motion, none, none)
     new.v *= 0.99
     ledger.add(motion, new, none, push(0.1))
     assert ledger.algorithmic == 0.0

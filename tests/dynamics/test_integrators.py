@@ -165,7 +165,7 @@ def test_ledger_of_a_damped_fall_into_rest() -> None:
     force = np.array([1.0])
     motion, ledger = stepper.start(np.zeros(1), np.zeros(1), force), TissueEnergyBalance(stepper)
     for _ in range(1000):
-        old, motion = motion, stepper.advance_under(motion, force, force)
+        old, motion = motion, stepper.step_under_load(motion, force, force)
         ledger.add(old, motion, force, force)
     assert ledger.work == pytest.approx(1.0, abs=1e-9)
     assert ledger.strain == pytest.approx(0.5, abs=1e-9)

@@ -27,7 +27,7 @@ def test_one_mode_has_newmarks_period(gel: Scene) -> None:
     dynamics = Newmark().stepper(TissueSystem(model), 0.3 / omega)
     motion = dynamics.start(shape, np.zeros_like(shape))
     for _ in range(50):
-        motion = dynamics.advance(motion, dynamics.free_motion(motion))
+        motion = dynamics.advance(motion, dynamics.free_displacement(motion))
     amplitude = float(shape @ (dynamics.system.mass @ motion.u))
     assert amplitude == pytest.approx(np.cos(50 * 2.0 * np.arctan(0.15)), abs=1e-8)
 
@@ -41,7 +41,7 @@ def test_rayleigh_damping_slows_down(gel: Scene) -> None:
         motion = dynamics.start(rest, np.zeros_like(rest))
         start = energy(dynamics, motion)
         for _ in range(100):
-            motion = dynamics.advance(motion, dynamics.free_motion(motion))
+            motion = dynamics.advance(motion, dynamics.free_displacement(motion))
         energies.append(energy(dynamics, motion) / start)
     assert energies[0] == pytest.approx(1.0, abs=1e-10)
     assert energies[1] < 0.5
@@ -53,7 +53,7 @@ def test_a_constant_force_ends_in_static_equilibrium(gel: Scene) -> None:
     dynamics = CALM.stepper(TissueSystem(model, Damping(mass_rate=50.0)), 0.1)
     motion = dynamics.at_rest()
     for _ in range(400):
-        motion = dynamics.advance(motion, dynamics.free_motion(motion, force))
+        motion = dynamics.advance(motion, dynamics.free_displacement(motion, force))
     assert motion.u == pytest.approx(model.factor.solve(force), rel=1e-6, abs=1e-12)
 
 

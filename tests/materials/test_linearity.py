@@ -32,7 +32,7 @@ class NeoHooke:
     lam: float = 40e3
     density: float = 1000.0
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         one = np.eye(3)
@@ -63,11 +63,11 @@ class Declared(NeoHooke):
 class TwoLaws(Isotropic):
     """Its stress is that of a softer law than its compliance."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         soft = Isotropic(youngs_modulus=0.5 * self.youngs_modulus, poissons_ratio=0.3)
-        return soft.respond(gradient, state, step)
+        return soft.evaluate(gradient, state, step)
 
 
 @pytest.mark.parametrize(

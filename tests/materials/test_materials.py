@@ -70,7 +70,7 @@ def test_incompressible_stress_is_refused() -> None:
     with pytest.raises(
         CaseError, match="the stress does not follow from the strain|incompressible"
     ):
-        Isotropic(youngs_modulus=1.0, poissons_ratio=0.5).respond(np.zeros((3, 3)))
+        Isotropic(youngs_modulus=1.0, poissons_ratio=0.5).evaluate(np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize(

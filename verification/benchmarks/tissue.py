@@ -122,7 +122,7 @@ def _steps(stepper: Stepper, force: Floats, count: int) -> Callable[[], Kinemati
     def go() -> KinematicState:
         motion = KinematicState(*(np.zeros_like(force) for _ in range(3)))
         for _ in range(count):
-            motion = stepper.advance_under(motion, force, force)
+            motion = stepper.step_under_load(motion, force, force)
         return motion
 
     return go

@@ -47,7 +47,7 @@ def forced(
     ledger, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
     for number in range(500):
         before, after = (np.sin(0.7 * first * step * n) * force for n in (number, number + 1))
-        old, motion = motion, stepper.advance_under(motion, before, after)
+        old, motion = motion, stepper.step_under_load(motion, before, after)
         ledger.add(old, motion, before, after)
     return ledger
 
@@ -66,7 +66,7 @@ def with_friction(steps: int, *, mean: bool) -> float:
     rate = 2.0 * gentle / step  # velocity at the end of the step due to a unit force
     for number in range(1, steps + 1):
         before, after = (np.array([np.sin(0.9 * step * n)]) for n in (number - 1, number))
-        free = stepper.advance(motion, stepper.free_motion(motion, after))
+        free = stepper.advance(motion, stepper.free_displacement(motion, after))
         found = np.clip(-free.v / rate, -limit, limit)
         new = stepper.advance(motion, free.u + gentle * found)
         moved = float(new.u[0] - motion.u[0])

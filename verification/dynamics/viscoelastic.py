@@ -67,7 +67,7 @@ def of_the_law() -> list[Quantity]:
         for number in range(1, steps + 1):
             time = begin + (until - begin) * number / steps
             strain = rate * min(time, duration)
-            found = law.respond(strain * direction, state, (until - begin) / steps)
+            found = law.evaluate(strain * direction, state, (until - begin) / steps)
             state = found.state
             exact = law.lame()[1] * strain
             for share, relaxation in zip(SHARES, TIMES, strict=True):
@@ -90,7 +90,7 @@ def relaxation() -> list[Quantity]:
     place = along @ motion.u
     answer, answers = stepper.factor.solve(along), []
     for number in range(1, 9):
-        free = stepper.free_motion(motion)
+        free = stepper.free_displacement(motion)
         force = (place - along @ free) / (along @ answer)
         motion = stepper.advance(motion, free + force * answer)
         exact = law.shear_modulus(0.25 * number) / law.shear_modulus(0.0)
@@ -125,7 +125,7 @@ def loss(name: str, per_period: int) -> list[Quantity]:
     found, ledger = 0.0 + 0.0j, TissueEnergyBalance(stepper)
     for number in range(periods * per_period):
         before, after = (np.sin(omega * step * n) * force for n in (number, number + 1))
-        old, motion = motion, stepper.advance_under(motion, before, after)
+        old, motion = motion, stepper.step_under_load(motion, before, after)
         if number >= (periods - 1) * per_period:
             ledger.add(old, motion, before, after)
             turn = np.exp(-1j * omega * step * (number + 1))
@@ -200,7 +200,7 @@ def energies() -> list[Quantity]:
         ledger, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
         for number in range(400):
             before, after = (min(step * n, 1.0) * force for n in (number, number + 1))
-            old, motion = motion, stepper.advance_under(motion, before, after)
+            old, motion = motion, stepper.step_under_load(motion, before, after)
             ledger.add(old, motion, before, after)
         answers += [
             Quantity(label=f"{name}: ledger, residual", value=ledger.residual, tolerance=1e-10,

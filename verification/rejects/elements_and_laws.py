@@ -20,43 +20,43 @@ class Law:
     right: Isotropic = RIGHT
     density: float = 1000.0
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return the correct response."""
-        return self.right.respond(gradient, state, step)
+        return self.right.evaluate(gradient, state, step)
 
 
 class PushesBack(Law):
     """Wrong sign of the stress."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return the stress with the other sign."""
-        right = super().respond(gradient)
+        right = super().evaluate(gradient)
         return dataclasses.replace(right, stress=-right.stress, tangent=-right.tangent)
 
 
 class TwiceTheEnergy(Law):
     """Wrong factor: the energy is twice as large."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return twice the energy."""
-        right = super().respond(gradient)
+        right = super().evaluate(gradient)
         return dataclasses.replace(right, energy=2.0 * right.energy)
 
 
 class ForgetsVolume(Law):
     """Missing term: the tangent has no lambda."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return a tangent with the shear part only."""
-        right = super().respond(gradient)
+        right = super().evaluate(gradient)
         eye = np.eye(3)
         lame = self.right.lame()[0] * np.einsum("ij,kl->ijkl", eye, eye)
         return dataclasses.replace(right, tangent=right.tangent - lame)
@@ -65,11 +65,11 @@ class ForgetsVolume(Law):
 class SwapsShears(Law):
     """Exchanged shear components 13 and 23."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return the stress with two shears exchanged."""
-        right = super().respond(gradient)
+        right = super().evaluate(gradient)
         stress = np.array(right.stress)
         stress[..., 0, 2], stress[..., 1, 2] = right.stress[..., 1, 2], right.stress[..., 0, 2]
         stress[..., 2, 0], stress[..., 2, 1] = stress[..., 0, 2], stress[..., 1, 2]
@@ -79,7 +79,7 @@ class SwapsShears(Law):
 class FollowsRotation(Law):
     """Missing symmetric part: the gradient is used instead of the strain."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return ``2 mu gradient``, its tangent and its energy."""
@@ -92,11 +92,11 @@ class FollowsRotation(Law):
 class PumpsEnergy(Law):
     """Non-symmetric tangent: a coupling of normal strains in one direction only."""
 
-    def respond(
+    def evaluate(
         self, gradient: np.ndarray, state: Any = None, step: float = 0.0
     ) -> MaterialResponse:
         """Return a stress that has no energy function, with its own tangent."""
-        right = super().respond(gradient)
+        right = super().evaluate(gradient)
         stress, tangent = np.array(right.stress), np.array(right.tangent)
         stress[..., 0, 0] += 2e3 * gradient[..., 1, 1]
         tangent[..., 0, 0, 1, 1] += 2e3

@@ -51,10 +51,12 @@ class Undamped(ImplicitStepper):
         inertia = (1.0 - weights.mass) / (weights.beta * step**2)
         self.factor = system.factor(inertia, 0.0, 1.0 - weights.force)
 
-    def free_motion(self, motion: KinematicState, force: np.ndarray | None = None) -> np.ndarray:
+    def free_displacement(
+        self, motion: KinematicState, force: np.ndarray | None = None
+    ) -> np.ndarray:
         """Return the displacement after a step without damping."""
         damped, self.system.damped = self.system.damped, False
-        found = super().free_motion(motion, force)
+        found = super().free_displacement(motion, force)
         self.system.damped = damped
         return found
 
@@ -72,11 +74,11 @@ class HalfVelocity(ImplicitStepper):
 class LateForce(ImplicitStepper):
     """Uses the force at the start of the step."""
 
-    def advance_under(
+    def step_under_load(
         self, motion: KinematicState, before: np.ndarray, after: np.ndarray
     ) -> KinematicState:
         """Return the motion under the wrong force."""
-        return super().advance_under(motion, before, before)
+        return super().step_under_load(motion, before, before)
 
 
 class Forgetful(ImplicitStepper):

@@ -119,7 +119,7 @@ class FrictionSystem:
         """Return the state after a step."""
         stepper, columns = self._ready(duration, keep=keep)
         force = self._force(old, duration)
-        free = stepper.free_motion(old.motion, force)
+        free = stepper.free_displacement(old.motion, force)
         before, way = self.rows @ old.motion.u, self.speed * duration
         late = 0.5 * (way - duration * (self.rows @ old.motion.v))
         rub = FrictionStep(
@@ -208,7 +208,7 @@ class FrictionSystem:
     def _sliding(self, state: FrictionState, duration: float) -> KinematicState:
         """Return the motion if the points continue to slide."""
         stepper, columns = self._ready(duration, keep=False)
-        free = stepper.free_motion(state.motion, self._force(state, duration))
+        free = stepper.free_displacement(state.motion, self._force(state, duration))
         return stepper.advance(state.motion, free + columns @ (state.slid * self.kinetic))
 
     def _limit(self) -> float:
