@@ -139,7 +139,7 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretization:
         chosen = dataclasses.replace(chosen, tip_quadrature_points=points)
     needs = needs_steps(scene)
     if chosen.integrator == "path_following" and needs:
-        remedy = "write 'quasi-static' or 'auto'"
+        remedy = "write 'quasi_static' or 'auto'"
         raise CaseError("discretization.integrator", f"'path_following', but {needs}", remedy)
     if chosen.integrator != "auto":
         reasons["integrator"] = f"{chosen.integrator}: asked for"

@@ -177,9 +177,15 @@ def test_expectations_of_another_case_are_not_compared(
         ),
         (("run", CASE, "--snapshots", "3"), "--snapshots: would be ignored: .*--out DIR"),
         (("run", CASE, "--set", 'planning.tolerance="1 mm"'), "'run' does not plan"),
-        (("run", CASE, "--set", 'damping.mass_rate="1 1/s"'), "the integrator is 'march'"),
-        (("run", CASE, "--set", "discretization.rho_inf=0.5"), "the integrator is 'march'"),
-        (("run", CASE, "--set", 'discretization.time_step="1 ms"'), "the integrator is 'march'"),
+        (("run", CASE, "--set", 'damping.mass_rate="1 1/s"'), "the integrator is 'path_following'"),
+        (
+            ("run", CASE, "--set", "discretization.rho_inf=0.5"),
+            "the integrator is 'path_following'",
+        ),
+        (
+            ("run", CASE, "--set", 'discretization.time_step="1 ms"'),
+            "the integrator is 'path_following'",
+        ),
         (
             ("run", CASE, "--set", 'needle.slip_weakening_distance="1 mm"'),
             "static friction is kinetic",

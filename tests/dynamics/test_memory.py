@@ -64,7 +64,9 @@ def test_viscoelastic_tissue_is_stepped(gel: Scene) -> None:
     law = Viscoelastic(youngs_modulus=30e3, poissons_ratio=0.45, shares=(0.4,), times=(2.0,))
     scene = vary(gel, {"materials": {"gel": law}})
     assert Simulation(scene).scene.discretization.integrator == "quasi_static"
-    with pytest.raises(CaseError, match="'march', but viscoelastic tissue depends on time"):
+    with pytest.raises(
+        CaseError, match="'path_following', but viscoelastic tissue depends on time"
+    ):
         Simulation(vary(scene, {"discretization.integrator": "path_following"}))
 
 

@@ -169,7 +169,7 @@ def skips(scene: Scene) -> list[Skip]:
     return [
         Skip(name="dynamics", forced=f"discretization.integrator = '{DYNAMIC[0]}'",
              lean=ways.tip, full=ways.slow, allowed=SLOW),
-        Skip(name="time_steps", forced="discretization.integrator = 'quasi-static'",
+        Skip(name="time_steps", forced="discretization.integrator = 'quasi_static'",
              lean=ways.pieces,
              full=lambda: ways.pieces(ways.with_key("discretization.integrator", "quasi_static"))),
         Skip(name="reassembly", forced="a Simulation of its own", lean=ways.tip,
