@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         two_material_bar,
     )
     from needlefem.checks.element_checks import bending_error, inf_sup
+    from needlefem.checks.friction_models import EmbeddedShaft, FrictionState, FrictionSystem
     from needlefem.checks.integrator_checks import (
         Oscillator,
         check_integrator,
@@ -88,6 +89,9 @@ __all__ = [
     "WAVES",
     "CheckResult",
     "Curve",
+    "EmbeddedShaft",
+    "FrictionState",
+    "FrictionSystem",
     "Manufactured",
     "Oscillator",
     "Point",
@@ -148,6 +152,7 @@ if not TYPE_CHECKING:
             "solve_manufactured two_material_bar"
         ),
         element_checks="bending_error inf_sup",
+        friction_models="EmbeddedShaft FrictionState FrictionSystem",
         integrator_checks=(
             "Oscillator check_integrator energy_drift order period_error principal "
             "spectral_radius stability_limit"

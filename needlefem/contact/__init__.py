@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         ContactSegment,
         ContactTrial,
         ShaftEquations,
+        straight_contact,
     )
     from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction, solve_bound_qp
 
@@ -27,13 +28,15 @@ __all__ = [
     "ShaftEquations",
     "SlipWeakeningFriction",
     "solve_bound_qp",
+    "straight_contact",
 ]
 
 if not TYPE_CHECKING:
     __getattr__, __dir__ = lazy_exports(
         __name__,
         condensed_contact=(
-            "AxialCompliance CondensedContact ContactSegment ContactTrial ShaftEquations"
+            "AxialCompliance CondensedContact ContactSegment ContactTrial ShaftEquations "
+            "straight_contact"
         ),
         friction="FrictionStep SlipWeakeningFriction solve_bound_qp",
     )

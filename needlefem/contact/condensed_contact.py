@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dtrtrs
 from needlefem._arrays import Floats, Ints, enlarged
 from needlefem.fem.compliance import ComplianceColumns, ComplianceOperator
 from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.needle.needle_interface import NeedleInterface
 
 
 class ContactSegment(NamedTuple):
@@ -465,3 +466,26 @@ class ShaftEquations:
 def _affine(part: Floats, forces: Floats) -> Floats:
     found: Floats = part[:, :-1] @ forces + part[:, -1]
     return found
+
+
+def straight_contact(
+    instrument: NeedleInterface, responses: ComplianceOperator, count: int
+) -> CondensedContact:
+    """Return a contact with a path of equal pieces along the needle's line, without forces.
+
+    Parameters
+    ----------
+    instrument : NeedleInterface
+    responses : ComplianceOperator
+        Of the tissue.
+    count : int
+        Pieces, from the entry on.
+    """
+    axis, spacing = instrument.axis, instrument.spacing
+    contact = CondensedContact(responses, axis.frame)
+    hold = 1.0 / (instrument.lateral_penalty * spacing)
+    for number in range(count):
+        ends = axis.tip_position((number + 1) * spacing), axis.tip_position(number * spacing)
+        trial = contact.trial(instrument.tip_and_piece(*ends))
+        contact.append_segment(trial, 1, 0.0, np.zeros(len(axis.lateral_directions)), hold)
+    return contact

@@ -178,3 +178,34 @@ def cholmod() -> Any:
         return import_module("sksparse.cholmod")
     except ModuleNotFoundError:
         return None
+
+
+# What is pickled and copied. Factorisations can't be, and matrices, tables and bases are larger
+# than a result and quick to compute again from mesh and laws. What was computed with them (states,
+# points, energies) is pickled.
+
+
+def lasting_state(instance: object, *others: str) -> dict[str, Any]:
+    """Return the attributes of an instance for pickling and copying, without cached properties.
+
+    Parameters
+    ----------
+    instance : object
+    *others : str
+        Further attributes that `__setstate__` computes again.
+    """
+    cached = {
+        name
+        for cls in type(instance).__mro__
+        for name, attribute in vars(cls).items()
+        if isinstance(attribute, functools.cached_property)
+    }
+    return {name: v for name, v in vars(instance).items() if name not in cached | set(others)}
+
+
+class Lasting:
+    """A class whose instances are pickled and copied without their cached properties."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the state for pickling."""
+        return lasting_state(self)

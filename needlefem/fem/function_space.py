@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
-from needlefem._pickling import lasting_state
 from needlefem.elements import ElementType
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import forms
+from needlefem.fem.factorization import lasting_state
 from needlefem.fem.interpolation import Interpolation
 
 CELLS = {

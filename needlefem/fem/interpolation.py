@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh
-from needlefem._pickling import Lasting
 from needlefem.elements import ElementType
 from needlefem.elements.shape_functions import shape_table
+from needlefem.fem.factorization import Lasting
 from needlefem.mesh.cell_map import Inverse, Locator
 from needlefem.mesh.surface import Surface
 

@@ -17,12 +17,11 @@ import numpy as np
 from scipy.sparse import block_array, vstack
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
-from needlefem._pickling import lasting_state
 from needlefem.elements import BBAR, DISPLACEMENT, ElementType
 from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem import forms
-from needlefem.fem.factorization import Factor, factorise
+from needlefem.fem.factorization import Factor, factorise, lasting_state
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.materials import VolumetricSplit
 from needlefem.materials.voigt import volumetric

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     )
     from needlefem.insertion.simulation import Discretised, Simulation, Watch, discretised
     from needlefem.insertion.state import State, TipPhase, displacements, load, loads
-    from needlefem.insertion.sticking import STICK_CONDITION, straight_contact
+    from needlefem.insertion.sticking import STICK_CONDITION
     from needlefem.insertion.time_stepping import TimeStepping
     from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
 
@@ -65,7 +65,6 @@ __all__ = [
     "energy_terms",
     "load",
     "loads",
-    "straight_contact",
     "validity",
 ]
 
@@ -82,7 +81,7 @@ if not TYPE_CHECKING:
         result="EnergyTerms Event Insertion LeftTissueError Outcome Rupture Seed Status",
         simulation="Discretised Simulation Watch discretised",
         state="State TipPhase displacements load loads",
-        sticking="STICK_CONDITION straight_contact",
+        sticking="STICK_CONDITION",
         time_stepping="TimeStepping",
         tissue_response="ElasticResponse TissueResponse",
     )

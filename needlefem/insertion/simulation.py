@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
-from needlefem._pickling import lasting_state
 from needlefem._progress import doing, expect_steps
 from needlefem.checks.mesh_checks import needle_resolution, preflight, sizes_along
 from needlefem.checks.result import CheckResult, refuse_failed
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import ComplianceOperator, Corridor
+from needlefem.fem.factorization import lasting_state
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.insertion_run import InsertionRun, longest_travel
 from needlefem.insertion.motion_schedule import deepest

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from needlefem.checks.result import CheckResult
-from needlefem.contact.condensed_contact import CondensedContact
+from needlefem.contact.condensed_contact import straight_contact
 from needlefem.contact.friction import SlipWeakeningFriction, stick_condition
 from needlefem.errors import CaseError
 from needlefem.fem.compliance import ComplianceOperator
@@ -130,26 +130,3 @@ def _rounded(stiffness: float) -> float:
     """Return two digits of a number, not more than it."""
     unit = 10.0 ** (math.floor(math.log10(stiffness)) - 1)
     return math.floor(stiffness / unit * (1.0 + 1e-12)) * unit
-
-
-def straight_contact(
-    instrument: NeedleInterface, responses: ComplianceOperator, count: int
-) -> CondensedContact:
-    """Return a contact with a path of equal pieces along the needle's line, without forces.
-
-    Parameters
-    ----------
-    instrument : NeedleInterface
-    responses : ComplianceOperator
-        Of the tissue.
-    count : int
-        Pieces, from the entry on.
-    """
-    axis, spacing = instrument.axis, instrument.spacing
-    contact = CondensedContact(responses, axis.frame)
-    hold = 1.0 / (instrument.lateral_penalty * spacing)
-    for number in range(count):
-        ends = axis.tip_position((number + 1) * spacing), axis.tip_position(number * spacing)
-        trial = contact.trial(instrument.tip_and_piece(*ends))
-        contact.append_segment(trial, 1, 0.0, np.zeros(len(axis.lateral_directions)), hold)
-    return contact

@@ -88,6 +88,7 @@ class PlaneMesh:
     """The mesh of a file, and sentences about its reading.
 
     Parameters
+    ----------
     Subdomains and boundaries are the groups of the file; some cells may be in no subdomain.
     mesh : skfem.Mesh
         Subdomains and boundaries are the file's groups; cells in no group are in no subdomain.

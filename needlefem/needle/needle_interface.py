@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
-from needlefem._pickling import Lasting
 from needlefem.elements.shape_functions import gauss_legendre
+from needlefem.fem.factorization import Lasting
 from needlefem.fem.interpolation import Follower, Interpolation, LinearFunctionals, OutsideError
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import skfem
 
-from needlefem.checks import preflight
+from needlefem.checks import EmbeddedShaft, preflight
 from needlefem.elements import ElementType, simplex
 from needlefem.fem import CachedCompliance, TissueModel
 from needlefem.insertion import Insertion, PathFollowing, Status, displacements, energy_terms
@@ -12,7 +12,6 @@ from needlefem.materials import Isotropic
 from needlefem.mesh import BACKGROUND
 from needlefem.needle import InsertionAxis, NeedleInterface, TipKernel, cross_section
 from needlefem.scene import Scene, Support, vary
-from verification.support.embedded_shaft import EmbeddedShaft
 
 TETRAHEDRON = ElementType(
     name="T1",

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from needlefem.checks import FrictionSystem
+from needlefem.checks.friction_models import END, MEAN
 from needlefem.contact import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import END, MEAN, FrictionSystem
 
 ONE = np.ones((1, 1))
 

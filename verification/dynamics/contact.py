@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.sparse import diags_array
 
-from needlefem.checks import Problem, ProblemResult, Quantity
+from needlefem.checks import FrictionState, FrictionSystem, Problem, ProblemResult, Quantity
+from needlefem.checks.friction_models import END, MEAN
 from needlefem.contact import SlipWeakeningFriction
 from needlefem.dynamics import (
     AlphaParameters,
@@ -12,7 +13,6 @@ from needlefem.dynamics import (
     Newmark,
     kinetic_energy,
 )
-from verification.support.friction_system import END, MEAN, FrictionState, FrictionSystem
 
 RMS = {20: 1.3e-2, 80: 3.2e-3, 320: 8.0e-4}
 """Error at the end of a bar that is fixed at the other end, from `critical_step`."""

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks import Problem, ProblemResult, Quantity
+from needlefem.checks import FrictionSystem, Problem, ProblemResult, Quantity
 from needlefem.contact import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import FrictionSystem
 
 WEIGHT, STIFFNESS, SPEED = 10.0, 100.0, 0.1
 STATIC, KINETIC = 0.3, 0.2

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from needlefem.checks import Problem, ProblemResult, Quantity
+from needlefem.checks import FrictionState, FrictionSystem, Problem, ProblemResult, Quantity
 from needlefem.contact import SlipWeakeningFriction
 from needlefem.dynamics import MatrixSystem
-from verification.support.friction_system import FrictionState, FrictionSystem
 
 STIFFNESS, START = 100.0, 0.105
 STATIC, KINETIC = 1.2, 1.0

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from needlefem.checks import Curve, Problem, ProblemResult, Quantity, tissue
+from needlefem.checks import Curve, EmbeddedShaft, Problem, ProblemResult, Quantity, tissue
 from needlefem.contact import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.mesh import box
-from verification.support.embedded_shaft import EmbeddedShaft
 
 LENGTH, WIDTH, STRETCH = 0.1, 0.01, 50.0
 """Length of the bar, m, and its EA, N."""

@@ -2,12 +2,11 @@
 
 import numpy as np
 
-from needlefem.checks import Problem, ProblemResult, Quantity, rectangle
+from needlefem.checks import EmbeddedShaft, Problem, ProblemResult, Quantity, rectangle
 from needlefem.contact import SlipWeakeningFriction
 from needlefem.elements import CATALOGUE
 from needlefem.materials import Isotropic
 from needlefem.scene import Support
-from verification.support.embedded_shaft import EmbeddedShaft
 
 HALF, LENGTH, SHEAR, LIMIT = 0.03, 0.02, 5e3, 40.0
 """Half width and length of the strip, m; shear modulus, Pa; friction per length, N/m."""

@@ -1,4 +1,10 @@
-"""Simple systems under dry friction, solved by the needle's friction and the integrators."""
+"""Models under dry friction with known behaviour: a shaft embedded in tissue, and oscillators.
+
+Both use the friction of the needle, `needlefem.contact.FrictionStep`. The shaft is embedded in an
+elastic tissue over its full length and is moved along its axis; it has no tip. The systems of
+masses and springs are advanced by the integrators of the tissue, under the friction of a body that
+moves at a constant velocity.
+"""
 
 import dataclasses
 from collections.abc import Callable, Iterator
@@ -6,22 +12,127 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.optimize import brentq
 
-from needlefem._arrays import Floats
-from needlefem.contact import FrictionStep, SlipWeakeningFriction
-from needlefem.dynamics import (
-    AlphaParameters,
-    ImplicitStepper,
-    KinematicState,
-    MatrixSystem,
-    kinetic_energy,
+from needlefem._arrays import Floats, Vector
+from needlefem.contact.condensed_contact import CondensedContact, straight_contact
+from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
+from needlefem.dynamics.energy import kinetic_energy
+from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper, KinematicState
+from needlefem.dynamics.system import MatrixSystem
+from needlefem.fem.compliance import CachedCompliance
+from needlefem.fem.tissue_model import TissueModel
+from needlefem.needle.needle_interface import (
+    InsertionAxis,
+    NeedleInterface,
+    PointKernel,
+    cross_section,
 )
 
+LATERAL_STIFFNESS = 1e9
+"""Lateral penalty, N/m^3; without effect where the tissue moves along the axis only."""
 MEAN = AlphaParameters(0.5, 0.5, 0.25, 0.5)
 """Average acceleration; the mean friction force of each step is in equilibrium."""
 END = AlphaParameters(0.0, 0.0, 0.25, 0.5)
 """Average acceleration; the friction force at the end of each step is in equilibrium."""
 FINE = 1e-13
 """Tolerance of the time of an event relative to the step."""
+
+
+class EmbeddedShaft:
+    """A shaft in an unloaded tissue that is moved along its axis by prescribed distances.
+
+    Parameters
+    ----------
+    model : TissueModel
+    ends : two arrays, shape (dim,), m
+        Ends of the shaft.
+    pieces : int
+        Number of segments of equal length.
+    limit : float, N/m (Pa in 2D)
+        Kinetic friction per length.
+    friction : SlipWeakeningFriction, optional
+        Slip weakening and compliance of sticking.
+    thickness : float, m
+        Radius over which the forces are distributed across the axis.
+
+    Attributes
+    ----------
+    travel : float, m
+    pull : array, shape (pieces,), N (N/m in 2D)
+        Friction forces on the segments.
+    moved : array, shape (pieces,), m
+        Axial displacement of the tissue at the segments.
+    slipping : array, shape (pieces,)
+        1, -1: direction of slip in the last step; 0: the segment stuck.
+    dissipated : float, J (J/m in 2D)
+        Friction work with the mean forces of the steps.
+    """
+
+    def __init__(
+        self,
+        model: TissueModel,
+        ends: tuple[Vector, Vector],
+        pieces: int,
+        limit: float,
+        *,
+        friction: SlipWeakeningFriction | None = None,
+        thickness: float = 0.0,
+    ) -> None:
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        self._contact = _path(model, ends, pieces, thickness)
+        self.friction = friction or SlipWeakeningFriction()
+        self.lengths: Floats = np.full(pieces, length / pieces)
+        self.kinetic: Floats = limit * self.lengths
+        self.pull: Floats = np.zeros(pieces)
+        self.moved: Floats = np.zeros(pieces)
+        self.travel = self.dissipated = 0.0
+        self.slipping: Floats = np.zeros(pieces)
+        self._slipped: Floats = np.zeros(pieces)
+
+    def move(self, travel: float) -> float:
+        """Move the needle to a position (m, from its first one); return its force, N (N/m)."""
+        rub = FrictionStep(
+            friction=self.friction,
+            kinetic=self.kinetic,
+            slipped=self._slipped,
+            travel=self.moved + (travel - self.travel),
+            old=self.pull,
+            lengths=self.lengths,
+        )
+        sliding = self._contact.sliding()
+        forces, slip, _ = rub.solve(sliding.compliance, sliding.displacement, self.pull)
+        self.dissipated += 0.5 * float((self.pull + forces) @ slip)
+        self._slipped = rub.after(slip)
+        self.moved = sliding.displacement + sliding.compliance @ forces
+        self.pull, self.slipping, self.travel = forces, np.sign(slip), travel
+        return float(forces.sum())
+
+    @property
+    def strain_energy(self) -> float:
+        """Strain energy of the tissue, J (J/m in 2D)."""
+        return 0.5 * float(self.pull @ self.moved)
+
+
+def _path(
+    model: TissueModel, ends: tuple[Vector, Vector], pieces: int, thickness: float
+) -> CondensedContact:
+    """Return a contact with a path of equal segments and a lateral penalty."""
+    start, end = ends
+    direction = (end - start) / np.linalg.norm(end - start)
+    instrument = NeedleInterface(
+        axis=InsertionAxis(start, direction),
+        kernel=PointKernel(model.dim),
+        interpolation=model.interpolation,
+        cutting_force=np.zeros(model.nnodes),
+        shaft_friction=np.zeros(model.nnodes),
+        section=cross_section(thickness, 24 if thickness else 1, model.dim),
+        lateral_penalty=LATERAL_STIFFNESS,
+        spacing=float(np.linalg.norm(end - start)) / pieces,
+        inward=direction,
+    )
+    return straight_contact(instrument, CachedCompliance(model), pieces)
+
+
+# Systems of masses and springs, such as the friction oscillator.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
