@@ -180,9 +180,9 @@ def cholmod() -> Any:
         return None
 
 
-# What is pickled and copied. Factorisations can't be, and matrices, tables and bases are larger
-# than a result and quick to compute again from mesh and laws. What was computed with them (states,
-# points, energies) is pickled.
+# Pickling of results without data that are computed on demand. Factorisations can't be copied.
+# Matrices, tables and bases are larger than a result, and can be computed again from mesh and laws.
+# Computed results (states, points, energies) are pickled.
 
 
 def lasting_state(instance: object, *others: str) -> dict[str, Any]:
