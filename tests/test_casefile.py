@@ -52,7 +52,7 @@ def test_overrides_are_parsed_and_recorded() -> None:
         ('target.point=["1 cm"]', "write 2 lengths"),
         ('needle.tip="round"', "one of disc, point"),
         ('planning.offset_range=["1 mm", "-1 mm"]', "swap the ends"),
-        ("schema_version=2", "write 1"),
+        ("schema_version=3", "write 2"),
         ('axes=["y", "y"]', "two different axes"),
         ('supports.walls.faces="z_max"', "is not a list"),
         ('targets.region="gland"', "no region 'gland'"),

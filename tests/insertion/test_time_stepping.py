@@ -39,7 +39,7 @@ def at(insertion: Insertion, depth: float, last: bool = False) -> int:
 def test_in_and_out(organ: Scene, integrator: str) -> None:
     found = moving(organ, *IN_AND_OUT, **{"discretization.integrator": integrator})
     assert found.outcome.status is Status.COMPLETED
-    assert kinds(found) == ["puncture", "grip", "release", "withdrawal", "breakaway", "exit"]
+    assert kinds(found) == ["puncture", "full_stick", "release", "retraction_start", "full_slip", "exit"]
     last, seed = found.states[-1], found.seeds[0]
     assert last.tip_phase is TipPhase.OUTSIDE
     assert last.force == 0.0
@@ -99,7 +99,7 @@ def test_friction_stays_within_its_limit_and_slips_at_it(organ: Scene) -> None:
 
 def test_the_tip_cuts_only_forward_and_returns_to_its_front(organ: Scene) -> None:
     found = moving(organ, Stage(depth=0.02), Stage(depth=0.01), Stage(depth=0.03))
-    assert {"puncture", "withdrawal", "return"} <= set(kinds(found))
+    assert {"puncture", "retraction_start", "recontact"} <= set(kinds(found))
     covered = np.array([state.inserted_length for state in found.states])
     ways = np.array([state.tip_phase for state in found.states])
     deep = at(found, 0.02)
@@ -107,7 +107,7 @@ def test_the_tip_cuts_only_forward_and_returns_to_its_front(organ: Scene) -> Non
     drawn = ways == TipPhase.RETRACTED
     assert drawn.any()
     assert np.all(np.array([s.tip_force for s in found.states])[drawn] == 0.0)
-    back = next(event for event in found.events if event.kind == "return")
+    back = next(event for event in found.events if event.kind == "recontact")
     assert back.point == pytest.approx(front, abs=1e-12)
     assert covered[-1] > covered[deep]
     straight = moving(organ, Stage(depth=0.03), **{"discretization.integrator": "quasi_static"})

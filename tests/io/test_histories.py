@@ -30,7 +30,7 @@ def test_tables_say_what_happened(gel: Scene, tmp_path: Path) -> None:
     assert [float(rows[-1][f"seed {a} [m]"]) for a in "yz"] == pytest.approx(last, abs=1e-9)
     assert float(rows[-2]["speed [m/s]"]) == pytest.approx(-0.005)
     kinds = [row["event"] for row in read(tmp_path / "events.csv")]
-    assert kinds == ["puncture", "grip", "release", "withdrawal", "breakaway", "exit"]
+    assert kinds == ["puncture", "full_stick", "release", "retraction_start", "full_slip", "exit"]
     shaft = read(tmp_path / "shaft.csv")
     limit = gel.needle.shaft_friction
     assert all(abs(float(row["friction [Pa]"])) <= limit * (1.0 + 1e-6) for row in shaft)
