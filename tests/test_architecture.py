@@ -56,7 +56,8 @@ def test_planning_imports_no_pictures() -> None:
         "needlefem.plan, needlefem.load_case, needlefem.simulate\n"
         "import needlefem.cli.main, needlefem.cli.plan\n"
         "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'rich', 'SimpleITK'}\n"
-        "rooms = {'needlefem.plotting', 'needlefem.image', 'needlefem.newcase.box'}\n"
+        "rooms = {'needlefem.plotting', 'needlefem.image', 'needlefem.newcase.box',\n"
+        "         'scipy.optimize', 'scipy.ndimage'}\n"
         "found = {name.split('.')[0] for name in sys.modules} | set(sys.modules)\n"
         "print(sorted((heavy | rooms) & found))"
     )

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy  # its module of root finding is imported when it is first used
 
 from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import (
@@ -324,7 +324,7 @@ def root_between(function: Callable[[float], float], low: float, high: float, xt
     scipy wraps what it is given in a function that refers to itself. It is given `_value`, so
     that it does not keep `function`, and the tissue in it, until the next garbage collection.
     """
-    return float(brentq(_value, low, high, args=(function,), xtol=xtol))
+    return float(scipy.optimize.brentq(_value, low, high, args=(function,), xtol=xtol))
 
 
 def _value(unknown: float, function: Callable[[float], float]) -> float:

@@ -1,7 +1,7 @@
 """Where the tip goes in a step: it stays on the crack front, cuts on, or is drawn back."""
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy  # its module of minimisation is imported when it is first used
 
 from needlefem._arrays import Floats
 from needlefem.errors import SimulationError
@@ -356,7 +356,7 @@ def _peak(equations: StepEquations, low: float, high: float, depth: float) -> St
         return -step.depth
 
     options = {"xatol": PEAK * (high - low)}
-    minimize_scalar(below, bounds=(low, high), method="bounded", options=options)
+    scipy.optimize.minimize_scalar(below, bounds=(low, high), method="bounded", options=options)
     return max(found, key=lambda step: step.depth, default=None)
 
 
