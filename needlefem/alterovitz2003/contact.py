@@ -1,8 +1,9 @@
-"""Forces within limits: what is held, and what gives way.
+"""Contact of the method of 2003: an active-set method, and the forces on nodes of the needle.
 
-Every row is a functional of the displacement with a force on it. Within its limits a row is held
-at its target; at a limit it gives way in the direction in which the force pushes. A node on a
-shaft is attached or slides in this way; a tip holds or cuts; a constraint has no limits.
+Each row is a functional of the displacement with a force on it. While the force is within its
+limits, the displacement has its target value (the row is active). At a limit the force is constant
+and the displacement is free in the direction of the force. Shaft nodes that stick or slide, a tip
+that loads or cuts, and constraints without limits are described in this way.
 """
 
 import dataclasses
@@ -17,10 +18,10 @@ from needlefem.errors import SimulationError
 from needlefem.insertion.state import State, TipPhase
 
 TIE = 1e-12
-"""Margin, relative, by which a force must exceed its limit, or a displacement its target, to count:
-what lies at the limit stays as it is, whatever the round-off."""
+"""Relative margin by which a force must exceed its limit, or a displacement its target; within it
+the state of the row does not change, so that round-off has no influence."""
 FREELY, MOST_ROUNDS = 10, 60
-"""Rounds after which what once gave way in a step is not held again, and the most rounds."""
+"""Rounds after which a released row is not activated again; largest number of rounds."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -30,9 +31,9 @@ class ForceLimits:
     Parameters
     ----------
     low, high : arrays, shape (n,), N (N/m in 2D)
-        Equal ones prescribe a force; infinite ones hold always.
+        Equal limits prescribe a force; with infinite limits the row is always active.
     grip : float
-        What a held row bears, over the limit of one that gives way (static over kinetic).
+        Ratio of the limits of an active row to those of a released row (static over kinetic).
     """
 
     low: Floats
@@ -42,7 +43,7 @@ class ForceLimits:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ActiveSetSolution:
-    """Forces, displacements, and which rows are held; arrays of shape (n,)."""
+    """Forces, displacements, and whether rows are active; arrays of shape (n,)."""
 
     forces: Floats
     moved: Floats
@@ -52,9 +53,9 @@ class ActiveSetSolution:
 def solve_active_set(
     compliance: Floats, free: Floats, target: Floats, limits: ForceLimits, before: ActiveSetSolution
 ) -> ActiveSetSolution:
-    """Find forces for which whatever is within its limits is at its target.
+    """Return forces and displacements that satisfy targets and limits.
 
-    An active-set iteration on the rows, starting from what was held before.
+    The active-set iteration starts with the rows that were active before.
 
     Parameters
     ----------
@@ -65,12 +66,12 @@ def solve_active_set(
     target : array, shape (n,), m
     limits : ForceLimits
     before : ActiveSetSolution
-        Which rows are tried to be held first; signs of forces say at which limit the others are.
+        Rows that are active at first; the signs of forces select the limits of the others.
 
     Raises
     ------
     SimulationError
-        No consistent state was found.
+        The iteration did not converge.
     """
     may = limits.low < limits.high
     held = may & (before.held | np.isinf(limits.high))
@@ -84,7 +85,7 @@ def solve_active_set(
         if rows.size:
             _, solved, singular = dposv(compliance[rows[:, None], rows], rest[rows])
             if singular:
-                raise SimulationError("two nodes on the needle hold the same material")
+                raise SimulationError("two nodes on the needle have the same material point")
             forces[rows] = solved
         moved = free + compliance @ forces
         margin = TIE * float(np.abs(forces).max(initial=0.0))
@@ -97,7 +98,7 @@ def solve_active_set(
             return ActiveSetSolution(forces, moved, held)
         forces[over], forces[under] = limits.high[over], limits.low[under]
         held = (held & ~over & ~under) | back
-    raise SimulationError("what sticks to the needle and what slides was not found")
+    raise SimulationError("the active set of sticking and sliding nodes did not converge")
 
 
 def _against(forces: Floats, beyond: Floats, limits: ForceLimits, free: Floats) -> Bools:
@@ -106,12 +107,12 @@ def _against(forces: Floats, beyond: Floats, limits: ForceLimits, free: Floats) 
     return np.where(forces >= limits.high, beyond > margin, beyond < -margin)
 
 
-# Contact of a needle with the nodes on it, in one time step.
+# Contact of a needle with the nodes on it in one time step.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Memory:
-    """What a step starts from: forces with what is held, and axial displacements of the shaft."""
+    """Initial values of a step: forces, active set, and axial displacements of the shaft."""
 
     settled: ActiveSetSolution
     before: Floats
@@ -120,8 +121,8 @@ class Memory:
 class NodeContact:
     """Forces between needle and nodes.
 
-    Rows are the axial displacements of the nodes on the shaft, then the lateral ones, then the
-    axial and the lateral one of the tip.
+    The rows are ordered: axial displacements of the shaft nodes, lateral displacements of the shaft
+    nodes, axial and lateral displacement of the tip.
 
     Parameters
     ----------
@@ -129,7 +130,7 @@ class NodeContact:
     chain : NodeChain
     touch : NeedleFunctionals
     grip : float
-        Static over kinetic friction.
+        Ratio of static to kinetic friction.
 
     Attributes
     ----------
@@ -147,7 +148,7 @@ class NodeContact:
         self.look()
 
     def look(self) -> None:
-        """Choose anew what the needle weighs, after nodes were moved."""
+        """Update the needle's functionals after nodes were moved."""
         chain = self._chain
         shaft, near = self._touch.look(chain.tip_node, chain.tip, chain.nodes)
         self._tissue.freeze(chain.tip_node, shaft, near)
@@ -156,7 +157,7 @@ class NodeContact:
         self._friction = self._touch.friction(chain.mesh.points[chain.nodes])
 
     def take_on(self) -> None:
-        """Go on with one more node on the shaft, which slides to begin with."""
+        """Add a node to the shaft; it slides at first."""
         count, last = len(self._chain.shaft) - 1, self.memory.settled
         rows = [count, 2 * count]
         settled = ActiveSetSolution(
@@ -167,7 +168,7 @@ class NodeContact:
         self.memory = dataclasses.replace(self.memory, settled=settled)
 
     def keep(self, kept: int) -> None:
-        """Go on with the first nodes on the shaft alone."""
+        """Keep the first nodes of the shaft only."""
         last = self.memory.settled
         count = len(last.forces) // 2 - 1
         rows: Ints = np.r_[:kept, count : count + kept, 2 * count : 2 * count + 2]
@@ -177,17 +178,17 @@ class NodeContact:
     def evaluate(
         self, point: Vector, depth: float, travel: float, way: TipPhase, *, endless: bool = False
     ) -> tuple[Response, ActiveSetSolution]:
-        """Return the tissue's response and the forces with the tip's node at a point.
+        """Return the tissue's response and the forces for a position of the tip node.
 
-        A tip that presses holds its point up to the force of cutting (or `endless`). One that
-        cuts has that force, and of the lateral force on the newest node of the shaft what its
-        own share of the path takes. One that is withdrawn has none.
+        A loading tip has a prescribed position up to the cutting force (or up to `endless`). A
+        cutting tip has the cutting force, and a share of the lateral force on the last shaft node
+        that corresponds to its own share of the path. A retracted tip has no force.
 
         Parameters
         ----------
         point : array, shape (2,), m
         depth, travel : float, m
-            At the step's end, and over the step.
+            Depth at the end of the step, and travel during the step.
         way : TipPhase
         """
         self.evaluations += 1
@@ -204,7 +205,7 @@ class NodeContact:
         target = np.concatenate([with_needle, -offset[:-1], [ahead, -offset[-1]]])
         matrix, free = response.compliance, response.free
         share = shares[-1] / shares[-2] if way is TipPhase.CUTTING else 0.0
-        if share:  # the newest node's lateral force acts on both
+        if share:  # the lateral force on the last node acts on both
             matrix, free = matrix.copy(), free.copy()
             matrix[-3] += share * matrix[-1]
             matrix[:, -3] += share * matrix[:, -1]
@@ -235,12 +236,12 @@ class NodeContact:
         return ForceLimits(low, high, self._grip)
 
     def finish(self, response: Response, settled: ActiveSetSolution) -> None:
-        """End the step under the forces found."""
+        """Finish the step with the resulting forces."""
         self._tissue.finish(response, settled.forces)
         self.memory = Memory(settled, settled.moved[: len(self._chain.shaft)])
 
     def state(self, depth: float, time: float, way: TipPhase) -> State:
-        """Return the present state; the last of the axial forces is the friction at the tip."""
+        """Return the present state; the last axial force is the friction at the tip."""
         chain, settled = self._chain, self.memory.settled
         count, forces, moved = len(chain.shaft), settled.forces, settled.moved
         limit, share = self._touch.cutting_force(chain.tip), 0.0

@@ -1,6 +1,6 @@
-"""Linear triangles whose nodes may be moved in the reference: element matrices, areas, places.
+"""Linear triangles whose nodes can be moved in the undeformed mesh, with their element matrices.
 
-What moves is the mesh, not the tissue: a law belongs to a cell and goes where its corners go.
+The mesh moves, not the tissue: a law belongs to a cell and follows its corners.
 """
 
 import numpy as np
@@ -10,35 +10,35 @@ from needlefem.errors import CaseError
 from needlefem.fem.tissue_model import TissueModel
 
 INSIDE = 1e-9
-"""A point counts as inside a cell when its area coordinates are at most this far below zero."""
+"""Smallest area coordinate of a point that counts as inside a cell."""
 
 
 class MovableMesh:
-    """A tissue's linear triangles with nodes at other places than home.
+    """Linear triangles of a tissue with moved nodes.
 
     Parameters
     ----------
     model : TissueModel
-        Of P1 triangles; it is not changed.
+        Model with P1 triangles; it is not changed.
 
     Attributes
     ----------
     points : array, shape (nnodes, 2), m
-        Where the nodes are now.
+        Present positions of the nodes.
     home : array, shape (nnodes, 2), m
     cells : array, shape (ncells, 3)
         Node numbers.
     stiffness : array, shape (ncells, 6, 6), N/m^2
-        Element matrices, unknowns node-major.
+        Element matrices; unknowns are ordered by node.
     mass : array, shape (ncells,), kg/m
-        What every corner of a cell gets by row sum.
+        Row-sum mass of each corner of a cell.
     fixed : array, shape (nnodes,)
-        Nodes of the outer boundary, which may not move.
+        Nodes of the outer boundary, which can't be moved.
 
     Raises
     ------
     CaseError
-        The tissue has other elements.
+        The tissue has another element.
     """
 
     def __init__(self, model: TissueModel) -> None:
@@ -62,11 +62,11 @@ class MovableMesh:
         self._moved: dict[int, None] = {}
 
     def around(self, nodes: Ints) -> Ints:
-        """Return the cells that have any of some nodes for a corner, each once."""
+        """Return the cells with at least one of the given nodes, without repetition."""
         return np.unique(np.concatenate([self._around[int(node)] for node in nodes]))
 
     def corners(self, cells: Ints) -> Floats:
-        """Return where the corners of cells are, shape (n, 3, 2), m."""
+        """Return the corners of cells, shape (n, 3, 2), m."""
         found: Floats = self.points[self.cells[cells]]
         return found
 
@@ -77,7 +77,7 @@ class MovableMesh:
         return areas
 
     def ratios(self, cells: Ints, corners: Floats) -> Floats:
-        """Return areas with corners at other places over those at home; negative: turned over."""
+        """Return areas relative to the original ones; negative if a cell is inverted."""
         found: Floats = self._signed(corners) / self._areas[cells]
         return found
 
@@ -88,7 +88,7 @@ class MovableMesh:
         ----------
         cells : array, shape (n,)
         corners : array, shape (n, 3, 2), m
-            Where their corners are.
+            Positions of the corners.
         """
         area = self._signed(corners)
         edge = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]  # opposite to each corner
@@ -102,14 +102,14 @@ class MovableMesh:
         return found, self._density[cells] * size / 3.0
 
     def place(self, node: int, point: Floats) -> None:
-        """Move a node; its cells' matrices follow. Home, they are the original ones bit by bit."""
+        """Move a node and update the matrices of its cells; the original position restores them."""
         self.points[node] = point
         self._moved[node] = None
         cells = self._around[node]
         self.stiffness[cells], self.mass[cells] = self.matrices(cells, self.corners(cells))
 
     def restore(self, node: int) -> None:
-        """Let a node return home."""
+        """Move a node back to its original position."""
         self.points[node] = self.home[node]
         self._moved.pop(node, None)
         cells = self._around[node]
@@ -117,20 +117,20 @@ class MovableMesh:
 
     @property
     def moved(self) -> Ints:
-        """Nodes that are away from home."""
+        """Nodes that are not at their original positions."""
         return np.fromiter(self._moved, dtype=np.intp)
 
     def change(self) -> tuple[Ints, Floats, Floats]:
-        """Return what the moves change.
+        """Return the changes of the matrices due to moved nodes.
 
         Returns
         -------
         nodes : array, shape (k,)
             All nodes of changed cells.
         stiffness : array, shape (2 k, 2 k), N/m^2
-            K now minus K at home, node-major.
+            K minus the original K, ordered by node.
         mass : array, shape (2 k,), kg/m
-            The lumped M now minus that at home.
+            The lumped M minus the original one.
         """
         if not self._moved:
             return np.zeros(0, dtype=np.intp), np.zeros((0, 0)), np.zeros(0)
@@ -141,13 +141,13 @@ class MovableMesh:
         return nodes, *gathered(local, stiffness, self.mass[cells] - self._home_mass[cells])
 
     def find(self, points: Points, among: Ints) -> tuple[Ints, Floats]:
-        """Return the cell of every point, shape (n,), -1 outside, and its area coordinates.
+        """Return the cell of each point, shape (n,), -1 outside, and its area coordinates.
 
         Parameters
         ----------
         points : array, shape (n, 2), m
         among : array
-            Cells to look in.
+            Cells to be searched.
         """
         a, b, c = np.moveaxis(self.corners(among), 1, 0)
         twice = 2.0 * self._signed(self.corners(among))
@@ -180,7 +180,7 @@ def gathered(local: Ints, stiffness: Floats, mass: Floats) -> tuple[Floats, Floa
 
 
 def dense_places(local: Ints) -> tuple[Ints, Ints, int]:
-    """Return where entries of element matrices and masses go, and how many unknowns there are."""
+    """Return the positions of matrix entries and masses, and the number of unknowns."""
     size = 2 * (int(local.max()) + 1)
     dofs = (2 * local[:, :, None] + np.arange(2)).reshape(-1, 6)
     return (dofs[:, :, None] * size + dofs[:, None, :]).ravel(), dofs.ravel(), size

@@ -1,7 +1,8 @@
-"""An operator that changes in a few rows, ``A = A0 + S``, and its responses.
+"""Tissue in time on a mesh with moved nodes, and its operator ``A = A0 + S``.
 
-Two ways: a low-rank correction of the factor of A0 (K. Woodbury 1950) or a new factor. S is
-dense on the unknowns of the nodes that changed.
+Moved nodes change the operator in a few rows only; S is dense on their unknowns. The response of A
+is computed with a low-rank correction of the factor of A0 (K. Woodbury 1950), or with a new factor.
+`TissueInTime` and `MovingTissue` advance the tissue by Newmark's method with lumped mass.
 """
 
 import dataclasses
@@ -22,7 +23,7 @@ from needlefem.fem.tissue_model import TissueModel
 
 
 class Equations:
-    """Values of unknowns at nodes and loads on them; zero where the tissue is held."""
+    """Values of unknowns at nodes and loads on them; zero at fixed dofs."""
 
     def __init__(self, model: TissueModel) -> None:
         number = np.full(model.ndofs, -1)
@@ -31,7 +32,7 @@ class Equations:
         self.size = len(model.free_dofs)
 
     def of(self, nodes: Ints) -> Ints:
-        """Return the equations of nodes, node-major; -1 where held."""
+        """Return the equations of nodes, ordered by node; -1 at fixed dofs."""
         found: Ints = self._table[nodes].ravel()
         return found
 
@@ -49,14 +50,14 @@ class Equations:
 
 
 class Corrected(Protocol):
-    """Responses of ``A0 + S`` at functionals; one solution at a time, begun and finished."""
+    """Response of ``A0 + S`` at functionals, for one right-hand side at a time."""
 
     def correct(self, nodes: Ints, change: Floats) -> None:
-        """Take another S, shape (2 k, 2 k), on these nodes."""
+        """Set another S, shape (2 k, 2 k), on given nodes."""
         ...
 
     def attach(self, nodes: Ints, loads: Floats) -> Floats:
-        """Look at functionals, shape (r, 2 k), of nodes; return their compliance, (r, r)."""
+        """Set functionals, shape (r, 2 k), of nodes; return their compliance, (r, r)."""
         ...
 
     def start(self, rhs: Floats) -> Floats:
@@ -64,12 +65,12 @@ class Corrected(Protocol):
         ...
 
     def finish(self, forces: Floats) -> Floats:
-        """Return all unknowns for that right-hand side and forces on the functionals."""
+        """Return all unknowns for this right-hand side and forces on the functionals."""
         ...
 
 
 class LowRank:
-    """One factor of A0 for all corrections; see `Corrected`.
+    """A correction that uses one factor of A0; see `Corrected`.
 
     ``inv(A) = inv(A0) - inv(A0) T inv(A0)`` with ``T = inv(I + S C) S``, where C is the
     compliance of A0 between the changed unknowns.
@@ -78,9 +79,9 @@ class LowRank:
     ----------
     model : TissueModel
     factor : Factor
-        Of A0.
+        Factor of A0.
     responses : CachedCompliance
-        Of the same factor; shared by all that touch the same nodes.
+        Compliance of the same factor; shared by all insertions.
     """
 
     def __init__(self, model: TissueModel, factor: Factor, responses: CachedCompliance) -> None:
@@ -125,13 +126,13 @@ class LowRank:
 
 
 class Refactored:
-    """A new factor for every correction; see `Corrected`.
+    """A new factor for each correction; see `Corrected`.
 
     Parameters
     ----------
     model : TissueModel
     matrix : sparse matrix
-        A0 on the free unknowns.
+        A0 on the free dofs.
     """
 
     def __init__(self, model: TissueModel, matrix: Sparse) -> None:
@@ -170,26 +171,26 @@ class Refactored:
         return self._bare + self._factor.solve(load)
 
 
-# Tissue stepped by Newmark's method with lumped mass, whose nodes may be moved.
+# Tissue that is advanced by Newmark's method with lumped mass, with nodes that can be moved.
 
 
 class TissueInTime:
-    """What all insertions in one tissue share.
+    """Data that all insertions in one tissue share.
 
     Parameters
     ----------
     model : TissueModel
-        Of P1 triangles.
+        Model with P1 triangles.
     integrator : Newmark
     step : float, s
     damping : Damping
     refactor : bool
-        Factorise anew whenever another node is at the tip, instead of correcting one factor.
+        Whether a new factor is computed for each new tip node, instead of a correction.
 
     Attributes
     ----------
     elastic, inertia : float
-        The step's operator is ``elastic K + inertia M``.
+        The operator of a step is ``elastic K + inertia M``.
     """
 
     def __init__(
@@ -206,7 +207,7 @@ class TissueInTime:
         self.damping = damping
         predicted = np.array([1.0, step, step**2 * (0.5 - beta)])
         rates = drag * predicted - np.array([0.0, 1.0, step * (1.0 - gamma)])
-        # what M and K are multiplied with on the right-hand side, of (u, v, a)
+        # coefficients of M and K on the right-hand side, for (u, v, a)
         self._known = np.array(
             [mass * predicted + damping.mass_rate * rates, damping.stiffness_time * rates]
         )
@@ -216,44 +217,42 @@ class TissueInTime:
         self._responses = CachedCompliance(model, self.stepper.factor)
 
     def corrected(self) -> Corrected:
-        """Return the step's operator, ready to be corrected."""
+        """Return the operator of a step for corrections."""
         if self._refactor:
             matrix = self.elastic * self._stiffness
             return Refactored(self.model, matrix + self.inertia * self.system.mass)
         return LowRank(self.model, self.stepper.factor, self._responses)
 
     def known(self, motion: KinematicState) -> Floats:
-        """Return what M and K are multiplied with in a step's right-hand side, shape (2, n)."""
+        """Return the vectors that M and K multiply on the right-hand side, shape (2, n)."""
         found: Floats = self._known @ np.array([motion.u, motion.v, motion.a])
         return found
 
     def rhs(self, known: Floats) -> Floats:
-        """Return the right-hand side with all nodes at home, shape (n,)."""
+        """Return the right-hand side with all nodes at their original positions, shape (n,)."""
         found: Floats = self._mass * known[0] + self._stiffness @ known[1]
         return found
 
 
-# Tissue in time on a mesh whose nodes are moved along by the needle.
-#
-# Matrices change in the cells around moved nodes only: what stays for a while (nodes on the shaft)
-# is a correction of the step's operator, the cells around the node at the tip, which moves in every
-# step, are a small one on top.
+# Tissue in time on a mesh with moved nodes. Matrices change in the cells around moved nodes only.
+# The nodes on the shaft change rarely and are a correction of the operator of the step. The cells
+# around the tip node, which moves in each step, are a second small correction.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Patch:
-    """The cells around the node at the tip.
+    """The cells around the tip node.
 
     Parameters
     ----------
     cells : array, shape (n,)
     corner : array, shape (n, 3)
-        Which of their corners is the node.
+        Number of the tip node among the corners of each cell.
     nodes : array, shape (k,)
     places : tuple
         See `needlefem.alterovitz2003.movable_mesh.dense_places`.
     stiffness, mass : arrays
-        Their matrices as the operator has them.
+        Their matrices in the operator.
     """
 
     cells: Ints
@@ -265,14 +264,14 @@ class Patch:
 
 
 class MovingTissue:
-    """A tissue at one time, on its moved mesh.
+    """State of a tissue on its mesh with moved nodes.
 
     Parameters
     ----------
     shared : TissueInTime
-        Its mesh is taken into use with all nodes at home.
+        Its mesh must have all nodes at their original positions.
     frame : array, shape (2, 2)
-        The needle's.
+        Frame of the needle.
     """
 
     def __init__(self, shared: TissueInTime, frame: Floats) -> None:
@@ -284,7 +283,7 @@ class MovingTissue:
         self._changed = self.mesh.change()
 
     def transfer(self, moves: Moves) -> None:
-        """Give nodes that are about to move the motion of the material where they will be."""
+        """Give nodes that will be moved the motion of the material at their new positions."""
         motion, table = self.motion, self.shared.equations
         fields = np.array([motion.u, motion.v, motion.a])
         found = []
@@ -292,7 +291,7 @@ class MovingTissue:
             ring = np.unique(self.mesh.cells[self.mesh.around(np.array([node]))])
             cell, share = self.mesh.find(point[None], self.mesh.around(ring))
             corners = self.mesh.cells[cell[0]]
-            if cell[0] < 0:  # beyond: the material moves with the node
+            if cell[0] < 0:  # outside of the tissue: the material moves with the node
                 corners, share = np.full(3, node), np.full((1, 3), 1.0 / 3.0)
             values = table.at(fields, corners).reshape(3, 3, 2)
             found.append(np.einsum("c,fcd->fd", share[0], values))
@@ -303,15 +302,15 @@ class MovingTissue:
                 vector[equations[free]] = new[free]
 
     def freeze(self, tip_node: int, shaft: LinearFunctionals, near: Ints) -> None:
-        """Correct the operator for all nodes as they are, and look at the needle's rows.
+        """Correct the operator for the present nodes, and set the functionals of the needle.
 
         Parameters
         ----------
         tip_node : int
         shaft : LinearFunctionals
-            One functional for every node on the shaft.
+            One functional per shaft node.
         near : array
-            Further nodes that the tip's functional may weigh.
+            Further nodes that the tip functional may use.
         """
         shared = self.shared
         self._changed = nodes, stiffness, mass = self.mesh.change()
@@ -355,7 +354,7 @@ class MovingTissue:
         self._patch_known = shared.equations.at(known, self._patch.nodes)
 
     def ratio(self, point: Vector) -> float:
-        """Return the least area around the tip's node at a point, relative to that at home."""
+        """Return the smallest relative area of the cells for a position of the tip node."""
         return float(self.mesh.ratios(self._patch.cells, self._corners(point)).min())
 
     def _corners(self, point: Vector) -> Floats:
@@ -364,13 +363,13 @@ class MovingTissue:
         return corners
 
     def respond(self, point: Vector, tip: LinearFunctionals) -> "Response":
-        """Return the response of the needle's rows with the tip's node at a point.
+        """Return the response of the needle's rows for a position of the tip node.
 
         Parameters
         ----------
         point : array, shape (2,), m
         tip : LinearFunctionals
-            The tip's functional (one row), over `near` nodes.
+            Functional of the tip (one row), over `near` nodes.
         """
         patch, rows = self._patch, self._rows
         stiffness, mass = self.mesh.matrices(patch.cells, self._corners(point))
@@ -398,7 +397,7 @@ class MovingTissue:
         return Response(compliance, free + coupling @ push, coupling, pull, push, at, loads)
 
     def finish(self, response: "Response", forces: Floats) -> None:
-        """End the step under forces on the needle's rows."""
+        """Finish the step with given forces on the needle's rows."""
         on_rows = np.zeros(self._rows + 2 * len(self.near))
         on_rows[: self._rows] = forces[:-2]
         near = on_rows[self._rows :]
@@ -416,7 +415,7 @@ class MovingTissue:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Response:
-    """The needle's rows with the tip's node at one place.
+    """Response of the needle's rows for one position of the tip node.
 
     Parameters
     ----------
@@ -425,7 +424,7 @@ class Response:
     free : array, shape (2 n + 2,), m
         Displacements without contact forces.
     coupling, pull, push, at, loads : arrays
-        What `MovingTissue.finish` needs to know.
+        Data for `MovingTissue.finish`.
     """
 
     compliance: Floats

@@ -1,4 +1,4 @@
-"""What a needle weighs on a mesh whose nodes it moves: nodes, or means over its own thickness."""
+"""The nodes of the mesh on the needle, and its functionals: nodal values or means."""
 
 import dataclasses
 
@@ -11,14 +11,14 @@ from needlefem.needle.needle_interface import InsertionAxis, NeedleInterface
 
 
 class NeedleFunctionals:
-    """The needle's functionals on a moved mesh.
+    """Functionals of the needle on a mesh with moved nodes.
 
     Parameters
     ----------
     instrument : NeedleInterface
     mesh : MovableMesh
     spread : bool
-        Means over the tip's kernel and the shaft's section; else values at nodes alone.
+        Whether means over tip kernel and shaft section are used; else nodal values.
     """
 
     def __init__(self, instrument: NeedleInterface, mesh: MovableMesh, *, spread: bool) -> None:
@@ -30,14 +30,14 @@ class NeedleFunctionals:
         self._friction = _uniform(instrument.shaft_friction)
 
     def look(self, node: int, point: Vector, shaft: Ints) -> tuple[LinearFunctionals, Ints]:
-        """Look around a tip whose node is at a point, until that is too far from there.
+        """Update the neighbourhood of the tip node for a position.
 
         Returns
         -------
         LinearFunctionals
-            A functional for each of the nodes on the shaft.
+            One functional per shaft node.
         array
-            Nodes that the tip's functional may weigh from now on.
+            Nodes that the tip functional may use from now on.
         """
         self._centre = point
         if not self.spread:
@@ -50,16 +50,16 @@ class NeedleFunctionals:
         return self._sections(shaft), np.unique(self.mesh.cells[self._among])
 
     def far(self, point: Vector) -> bool:
-        """Say whether a tip at a point needs another look."""
+        """Return whether a tip at a point is outside of the prepared neighbourhood."""
         return self.spread and float(np.linalg.norm(point - self._centre)) > 0.5 * self._reach
 
     def size(self, node: int) -> float:
-        """Return the longest way from a node to its neighbours, all at home, m."""
+        """Return the largest distance of a node from its neighbours, at original positions, m."""
         ring = self.mesh.cells[self.mesh.around(np.array([node]))]
         return float(np.linalg.norm(self.mesh.home[ring] - self.mesh.home[node], axis=2).max())
 
     def tip(self, node: int, point: Vector) -> LinearFunctionals:
-        """Return the tip's functional, its node being put at a point."""
+        """Return the functional of the tip, with its node moved to a point."""
         if not self.spread:
             return LinearFunctionals(np.array([node]), np.ones((1, 1)))
         points, weights = self.instrument.kernel.quadrature(point)
@@ -70,7 +70,7 @@ class NeedleFunctionals:
         return found
 
     def _sections(self, shaft: Ints) -> LinearFunctionals:
-        """Return the mean over the needle's thickness at every node on the shaft."""
+        """Return the mean over the needle's section at each shaft node."""
         if not len(shaft):
             return LinearFunctionals(shaft, np.zeros((0, 0)))
         axis, (across, share) = self.instrument.axis, self.instrument.section
@@ -83,7 +83,7 @@ class NeedleFunctionals:
         return self._means(points, np.tile(share, len(centres)), rows, among)
 
     def _means(self, points: Points, weights: Floats, row: Ints, among: Ints) -> LinearFunctionals:
-        """Return weighted means over points; those outside the tissue are left out."""
+        """Return weighted means over points; points outside of the tissue are omitted."""
         count = int(row[-1]) + 1
         cell, share = self.mesh.find(points, among)
         weights = np.where(cell < 0, 0.0, weights)
@@ -94,7 +94,7 @@ class NeedleFunctionals:
         return LinearFunctionals(nodes, rows.reshape(count, len(nodes)))
 
     def cutting_force(self, point: Vector) -> float:
-        """Return the force at which the tip cuts at a material point, N/m."""
+        """Return the cutting force at a material point, N/m."""
         if self._cutting_force is not None:
             return self._cutting_force
         return self.instrument.cutting_force_at(self.instrument.tip(point))
@@ -107,33 +107,33 @@ class NeedleFunctionals:
 
 
 def _uniform(field: Floats) -> float | None:
-    """Return the value of a field that is the same everywhere (to round-off), or None."""
+    """Return the value of a field that is uniform within round-off, or None."""
     same = float(np.ptp(field)) <= 1e-12 * float(np.abs(field).max())
     return float(field[0]) if same else None
 
 
-# Nodes of the mesh that lie on the needle: one at its tip, those left behind on its shaft.
+# Nodes of the mesh on the needle: the tip node, and previous tip nodes on the shaft.
 #
-# A node is kept at the tip by moving the nearest one in the reference mesh (R. Alterovitz et al.,
-# IROS 2003, section IV.D). As long as a node is the nearest it follows the tip; then it goes back
-# along the cut path to where it is abreast of its home, and stays on the shaft. A move is allowed
-# if every cell around keeps a share `LEAST_AREA` of its area at home, so that none turns over; of
-# the nodes that may move the nearest is taken.
+# The nearest node is moved to the tip in the undeformed mesh (R. Alterovitz et al., IROS 2003,
+# section IV.D). It follows the tip as long as it is the nearest one. Then it moves back along the
+# cut path to the point that is level with its original position, and remains on the shaft. A move
+# is allowed if each adjacent cell keeps a share `LEAST_AREA` of its original area, so that no cell
+# is inverted. The nearest node with an allowed move is used.
 
 
 LEAST_AREA = 0.05
-"""Least area of a cell, relative to that at home, that a move may leave."""
+"""Smallest area of a cell after a move, relative to its original area."""
 MIDDLE = (0.25, 0.75)
-"""Part of the way from the last node on the shaft to the tip in which a node is left behind."""
+"""Share of the distance from the last shaft node to the tip in which a node can be left."""
 TIE = 1e-9
-"""Margin of comparisons, relative: a ratio of areas counts as large enough from so little below,
-and of two nodes whose distances differ by no more the one with the lower number is the nearer."""
+"""Relative margin of comparisons, so that round-off has no influence: a slightly smaller area is
+sufficient, and of two nodes with nearly equal distance the one with the lower number is used."""
 AHEAD = 0.1
-"""How far a node's home must be ahead of the last one's to follow it at the tip, relative to the
-way to the second next nodes."""
+"""Smallest distance of a node ahead of the last tip node to be the next one, relative to the
+distance of second neighbours."""
 
 Moves = tuple[tuple[int, Vector], ...]
-"""Nodes and where they go; the last is the one at the tip."""
+"""Nodes and their new positions; the last one is the tip node."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ class ShaftNode:
     ----------
     node : int
     length : float, m
-        Length of the cut path from the skin to it.
+        Length of the cut path from the skin to the node.
     """
 
     node: int
@@ -153,7 +153,7 @@ class ShaftNode:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Mark:
-    """A chain at one time."""
+    """State of a chain for a restoration."""
 
     tip_node: int
     shaft: tuple[ShaftNode, ...]
@@ -161,14 +161,14 @@ class Mark:
 
 
 class NodeChain:
-    """The nodes on a needle, from the skin to the tip.
+    """The nodes on a needle from the skin to the tip.
 
     Parameters
     ----------
     mesh : MovableMesh
-        Moved along.
+        Mesh whose nodes are moved.
     axis : InsertionAxis
-        Its entry must lie on the outer boundary.
+        Its entry must be on the outer boundary.
 
     Raises
     ------
@@ -192,7 +192,7 @@ class NodeChain:
 
     @property
     def nodes(self) -> Ints:
-        """Nodes on the shaft, in the order of the path."""
+        """Shaft nodes in the order of the path."""
         return np.fromiter((one.node for one in self.shaft), np.intp, len(self.shaft))
 
     @property
@@ -201,9 +201,9 @@ class NodeChain:
         return self.path[-1]
 
     def shares(self, tip: Vector | None) -> Floats:
-        """Return the length of path that each shaft node, and last the tip, stands for, m.
+        """Return the length of path that belongs to each shaft node and finally to the tip, m.
 
-        Without a tip, which has been drawn back, it is that between the nodes.
+        After a retraction there is no tip; the lengths are those between the nodes.
         """
         count = len(self.shaft)
         where = np.empty(count + 1)
@@ -223,24 +223,24 @@ class NodeChain:
         Raises
         ------
         NoNodeError
-            None of the nodes around can be moved there without turning a cell over.
+            No nearby node can be moved there without inverting a cell.
         """
         for node in self._candidates(point):
             for moves in self._ways(node, point):
                 if self.valid(moves):
                     return moves
         where = ", ".join(f"{100.0 * float(x):.4g}" for x in point)
-        raise NoNodeError(f"no node can be moved to ({where}) cm without turning a cell over")
+        raise NoNodeError(f"no node can be moved to ({where}) cm without inverting a cell")
 
     def _candidates(self, point: Vector) -> list[int]:
-        """Return the nodes that may be at the tip, the nearest at home first."""
+        """Return the candidates for the tip node by the distance of their original positions."""
         if self._free is None:
             self._free = self._free_around()
         away = np.linalg.norm(self.mesh.home[self._free] - point, axis=1)
         return [int(node) for node in self._free[nearest_first(away)]]
 
     def _free_around(self) -> Ints:
-        """Return the tip's node and those ahead of it that may follow it."""
+        """Return the tip node and the nodes ahead of it that can follow it."""
         ring = np.unique(self.mesh.cells[self.mesh.around(np.array([self.tip_node]))])
         ring = np.unique(self.mesh.cells[self.mesh.around(ring)])
         ahead = (self.mesh.home[ring] - self.mesh.home[self.tip_node]) @ self.axis.direction
@@ -250,18 +250,18 @@ class NodeChain:
         return free
 
     def _ways(self, node: int, point: Vector) -> list[Moves]:
-        """Return the ways to bring a node to the tip: where the last one may be left behind."""
+        """Return the possible moves of a node to the tip, with positions of the last one."""
         if node == self.tip_node:
             return [((node, point),)]
         if not self.shaft:
-            return [((node, point),)]  # the skin's node stays at the entry
+            return [((node, point),)]  # the node of the skin remains at the entry
         return [
             ((self.tip_node, self._on_path(length)), (node, point))
             for length in (self._behind(), self.lengths[-1])
         ]
 
     def _behind(self) -> float:
-        """Return the path length at which the tip's node is left: abreast of its home."""
+        """Return the path length at which the tip node is left on the shaft, m."""
         last, end = self.shaft[-1].length, self.lengths[-1]
         along = self.axis.axial_coordinate(np.array(self.path))
         sought = float(self.axis.axial_coordinate(self.mesh.home[self.tip_node]))
@@ -279,7 +279,7 @@ class NodeChain:
         return point
 
     def valid(self, moves: Moves) -> bool:
-        """Say whether moves leave every cell around a sufficient share of its area."""
+        """Return whether all adjacent cells keep a sufficient area after moves."""
         nodes = np.array([node for node, _ in moves])
         cells = self.mesh.around(nodes)
         corners = self.mesh.corners(cells)
@@ -288,7 +288,7 @@ class NodeChain:
         return bool(self.mesh.ratios(cells, corners).min() >= (1.0 - TIE) * LEAST_AREA)
 
     def advance(self, moves: Moves) -> bool:
-        """Make moves; say whether another node is at the tip now."""
+        """Apply moves; return whether the tip node is another one."""
         changed = moves[-1][0] != self.tip_node
         if changed:
             length = 0.0
@@ -304,16 +304,16 @@ class NodeChain:
         return float(np.interp(float(self.axis.axial_coordinate(point)), along, self.lengths))
 
     def record(self, tip: Vector) -> None:
-        """Let the cut path go on to a point."""
+        """Extend the cut path to a point."""
         self.lengths.append(self.lengths[-1] + float(np.linalg.norm(tip - self.path[-1])))
         self.path.append(tip)
 
     def drop(self) -> int:
-        """Take the deepest node off the needle, which has left it; return its number."""
+        """Remove the deepest node from the needle; return its number."""
         return self.shaft.pop().node
 
     def mark(self) -> "Mark":
-        """Return what `back_to` needs to undo moves."""
+        """Return the data that `back_to` needs for undoing moves."""
         return Mark(self.tip_node, tuple(self.shaft), self.mesh.points.copy())
 
     def back_to(self, mark: "Mark") -> None:
@@ -328,9 +328,9 @@ class NodeChain:
 
 
 def nearest_first(distances: Floats) -> Ints:
-    """Return the order of distances, shape (n,), rising; of nearly equal ones the first is first.
+    """Return the order of distances, shape (n,), rising; nearly equal ones keep their order.
 
-    Those count as equal that differ by at most `TIE` of the largest.
+    Distances are nearly equal if they differ by at most `TIE` of the largest.
     """
     order = np.argsort(distances, kind="stable")
     apart = np.diff(distances[order]) > TIE * float(distances.max(initial=0.0))
@@ -340,4 +340,4 @@ def nearest_first(distances: Floats) -> Ints:
 
 
 class NoNodeError(Exception):
-    """No node can be where one is needed."""
+    """No node can be moved to the required position."""

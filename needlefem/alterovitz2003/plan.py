@@ -1,6 +1,7 @@
-"""A plan by the paper's own method, beside ours (R. Alterovitz et al., IROS 2003).
+"""A plan by the method of R. Alterovitz et al., IROS 2003, compared with that of needlefem.
 
-Nodes on the needle, lumped mass, Newmark's steps of 1/30 s, golden section over the height.
+The method has nodes on the needle, lumped mass, Newmark's steps of 1/30 s, and golden section over
+the insertion height.
 """
 
 import dataclasses
@@ -32,16 +33,16 @@ DRIFT_REFINEMENTS = (1, 2)
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Timed:
-    """A plan and what it cost.
+    """A plan with its cost.
 
     Parameters
     ----------
     name : str
     plan : Plan
     seconds : float
-        Of processor time for model and search, without checks and evidence.
+        Processor time of model and search, without checks and evidence.
     steps : int
-        Time steps; 0 for a march.
+        Number of time steps; 0 for path following.
     """
 
     name: str
@@ -52,16 +53,16 @@ class Timed:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Drifted:
-    """Where an unplanned seed ends on one mesh.
+    """Final position of an unplanned seed on one mesh.
 
     Parameters
     ----------
     refined : int
-        How many times finer than the case's the mesh is.
+        Refinement of the mesh relative to that of the case.
     status : str
-        Of the insertion.
+        Status of the insertion.
     placed_at : array, shape (dim,), m, or None
-        None: the tip never was at the target.
+        None if the tip never was at the target.
     punctured_at : float, m, or None
         Depth at which the skin was cut.
     """
@@ -76,21 +77,21 @@ def paper_plan(
     scene: Scene, numbers: InTime | None = None, target: Vector | None = None,
     *, watch: Watch | None = None,
 ) -> Timed:  # fmt: skip
-    """Plan by the paper's method.
+    """Return the plan by the paper's method.
 
     Parameters
     ----------
     scene : Scene
-        Of P1 triangles in the plane.
+        With P1 triangles in 2D.
     numbers : InTime, optional
-        Those of the paper when left out.
+        By default those of the paper.
     target : array, shape (dim,), m, optional
     watch : callable, optional
 
     Raises
     ------
     CaseError
-        The scene can't be built, has other elements, or no target in the tissue.
+        The scene is not valid, has another element, or no target in the tissue.
     CheckFailedError
         The discretisation fails a check.
     """
@@ -123,7 +124,7 @@ def paper_plan(
 
 
 def own_plan(scene: Scene, search: str = "root", target: Vector | None = None) -> Timed:
-    """Plan by a march and a search, to compare with."""
+    """Return the plan by path following and a search, for comparison."""
     begin = time.process_time()
     planner = Planner(Simulation(scene), _target(scene, target))
     found = planner.plan(search)
@@ -140,7 +141,7 @@ def _target(scene: Scene, target: Vector | None) -> Vector:
 def _warnings(simulation: NodeSimulation) -> list[str]:
     found = []
     if not simulation.numbers.spread:
-        found.append("forces act on nodes: the answer drifts with every refinement")
+        found.append("forces act on nodes: the result does not converge under refinement")
     if simulation.waited:
         found.append(
             f"in {simulation.waited} of {simulation.time_steps} steps the tip held for want of a "
@@ -150,7 +151,7 @@ def _warnings(simulation: NodeSimulation) -> list[str]:
 
 
 def refined(scene: Scene, times: int) -> Scene:
-    """Return the scene on a mesh with elements so many times smaller.
+    """Return the scene on a mesh whose elements are smaller by a factor.
 
     Raises
     ------
@@ -173,13 +174,13 @@ def refined(scene: Scene, times: int) -> Scene:
 def drift(
     scene: Scene, numbers: InTime | None, refinements: tuple[int, ...] = DRIFT_REFINEMENTS
 ) -> list[Drifted]:
-    """Return where the unplanned seed of the case ends on finer meshes.
+    """Return the final position of the case's unplanned seed on finer meshes.
 
     Parameters
     ----------
     scene : Scene
     numbers : InTime or None
-        None: by our march.
+        None selects path following.
     refinements : tuple of int
     """
     found = []
@@ -199,9 +200,9 @@ def drift(
 
 
 def unplanned(simulation: Simulation, target: Vector) -> tuple[TipPoint | None, Insertion]:
-    """Return what the tip has reached when it is at the target in the world, and how.
+    """Return the material at the tip when it is at the target in space, and how it was reached.
 
-    None: the insertion ended before.
+    The result is None if the insertion ended before.
     """
     entry = simulation.entry_through(target)
     depth = float(simulation.direction @ (target - entry.point))
@@ -209,19 +210,18 @@ def unplanned(simulation: Simulation, target: Vector) -> tuple[TipPoint | None, 
     return InsertionReader(insertion, target).at_depth(depth).reach, insertion
 
 
-# The paper's method beside ours: placement, drift, noise, time.
-#
-# A third method stands between the two: the paper's coupling and time steps, with forces spread
-# over the needle's thickness as ours are. Under refinement it must agree with ours.
+# Comparison of the paper's method with needlefem: placement, drift, noise, time. A third method has
+# the coupling and time steps of the paper, with forces distributed over the needle's thickness.
+# Under refinement its results must agree with those of needlefem.
 
 
 PAPERS, SPREAD, OURS = "the paper's", "conforming, spread", "ours"
 METHODS: dict[str, InTime | None] = {PAPERS: InTime(), SPREAD: InTime(spread=True), OURS: None}
 REFINEMENTS = (1, 2, 4)
 AGREED = 2e-4
-"""Largest distance of placements, spread over the same kernel, on the finest mesh, m."""
+"""Largest distance of placements with the same tip kernel on the finest mesh, m."""
 HEIGHTS, APART = 30, (5e-6, 5e-5)
-"""Heights, and their distances (m), at which the map is read."""
+"""Number of heights, and their distances (m)."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
@@ -258,7 +258,7 @@ def _placements(scene: Scene, other: Scene | None, plans: list[Timed]) -> Table:
 
 
 def _different(names: list[str]) -> tuple[str, ...]:
-    """Make names of columns differ, which a record needs."""
+    """Return unique column names, as a record needs them."""
     return tuple(f"{name} " if name in names[:i] else name for i, name in enumerate(names))
 
 
@@ -315,7 +315,7 @@ def _apart(one: Drifted, other: Drifted) -> float:
 
 
 def _noise(scene: Scene, start: Floats) -> Table:
-    """Read the map from height to material point beside the planned height."""
+    """Evaluate the material point as a function of the height around the planned one."""
     rows = []
     target = np.array(scene.target)
     for name, numbers in METHODS.items():
@@ -339,7 +339,7 @@ def _noise(scene: Scene, start: Floats) -> Table:
 
 
 def _targets(scene: Scene) -> Table:
-    """Plan for the targets that the case draws."""
+    """Plan for the targets of the case."""
     targets = draw_targets(scene)
     rows = []
     found = {
@@ -363,13 +363,13 @@ def _targets(scene: Scene) -> Table:
 
 
 def _missed(releases: list[Release | None]) -> Floats:
-    """Return the errors of the releases that are there, cm; NaN if there is none."""
+    """Return the errors of the existing releases, cm; NaN if there is none."""
     found = [100.0 * release.placement_error for release in releases if release is not None]
     return np.array(found or [np.nan])
 
 
 def _times(scene: Scene) -> Table:
-    """Time one insertion to the target's depth with a corrected and with new factors."""
+    """Time one insertion to the target's depth with a corrected factor and with new factors."""
     rows = []
     for times in REFINEMENTS[:2]:
         finer = refined(scene, times)

@@ -1,4 +1,4 @@
-"""A scene made ready for insertions by the paper's method: nodes on the needle, in time."""
+"""Insertions by the method of 2003: nodes of the mesh on the needle, time stepping."""
 
 import dataclasses
 from collections.abc import Iterable, Iterator
@@ -28,25 +28,26 @@ from needlefem.scene import Scene
 CALM = Newmark(beta=0.3025, gamma=0.6)
 DAMPING = Damping(mass_rate=5.0, stiffness_time=2e-3)
 APART = 0.25
-"""Distance of the material points of kept states, at least, relative to the way of a step."""
+"""Smallest distance of the material points of stored states, relative to that of a step."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class InTime:
-    """Numbers of the paper's method (R. Alterovitz et al., IROS 2003).
+    """Parameters of the paper's method (R. Alterovitz et al., IROS 2003).
 
     Parameters
     ----------
     step : float, s
-        The paper's.
+        Time step of the paper.
     integrator : Newmark
-        Of a little numerical damping: average acceleration rings under a prescribed motion.
+        With a small numerical damping; the average acceleration would oscillate under a prescribed
+        motion.
     damping : Damping
-        Not given in the paper: an assumption.
+        An assumption; the paper does not state it.
     spread : bool
-        Whether forces are spread over the needle's thickness; the paper's act on nodes.
+        Whether forces are distributed over the needle's thickness; in the paper they act on nodes.
     refactor : bool
-        Whether the operator is factorised anew for every node that the tip takes on.
+        Whether a new factor is computed for each new tip node.
     """
 
     step: float = 1.0 / 30.0
@@ -57,14 +58,14 @@ class InTime:
 
 
 class NodeSimulation(Simulation):
-    """Insertions by the paper's method; otherwise as `Simulation`.
+    """Insertions by the paper's method, with the interface of `Simulation`.
 
-    What an insertion returns has no pieces: a path of nodes belongs to a mesh that moves.
+    The insertion has no contact segments, because a path of nodes belongs to a moved mesh.
 
     Parameters
     ----------
     scene : Scene
-        Of P1 triangles.
+        With P1 triangles.
     numbers : InTime
     model : TissueModel, optional
     watch : callable, optional
@@ -72,12 +73,12 @@ class NodeSimulation(Simulation):
     Attributes
     ----------
     time_steps, waited : int
-        Time steps of all insertions so far, and those in which a tip found no place to go.
+        Time steps of all insertions so far, and those in which no node could follow the tip.
 
     Raises
     ------
     CaseError
-        The scene can't be built, or has other elements.
+        The scene is not valid, or has another element.
     """
 
     def __init__(
@@ -90,14 +91,14 @@ class NodeSimulation(Simulation):
 
     @cached_property
     def tissue(self) -> TissueInTime:
-        """The tissue in time, shared by all insertions."""
+        """The tissue in time, which all insertions share."""
         n = self.numbers
         return TissueInTime(self.model, n.integrator, n.step, n.damping, refactor=n.refactor)
 
     def insert(
         self, entry: Entry, stop: Stop | None = None, *, max_depth: float | None = None
     ) -> Insertion:
-        """Push the needle in at the motion's speed; see `Simulation.insert`."""
+        """Simulate an insertion at the speed of the motion; see `Simulation.insert`."""
         motion, needle = self.scene.motion, self.instrument(entry)
         self.insertions += 1
         try:
@@ -110,7 +111,7 @@ class NodeSimulation(Simulation):
         end = motion.max_depth if max_depth is None else max_depth
         count = int(np.ceil(end / (motion.speed * self.numbers.step) - 1e-9))
         depths = motion.speed * self.numbers.step * np.arange(1, count + 1)
-        depths[-1] = end  # the last step is as long as the others, and goes less far
+        depths[-1] = end  # the last step has the same duration and a shorter travel
         states: list[State] = []
         for state in pushed.iterate(depths):
             _keep(states, state, APART * motion.speed * self.numbers.step)
@@ -133,14 +134,14 @@ class NodeSimulation(Simulation):
 
 
 def _keep(states: list[State], state: State, least: float) -> None:
-    """Keep the first touch, the puncture, and from there on states at least so far apart, m.
+    """Yield the first contact, the puncture, and then states with a smallest distance, m.
 
-    Of others the last is kept: with a new node at the tip, the path may stand still for a step.
+    Of closer states the last one is kept; with a new tip node the path may not grow in a step.
     """
     if not states:
         states.append(dataclasses.replace(state, depth=0.0, time=0.0, tip_force=0.0))
     elif len(states) == 2 and len(state.friction_force) and not len(states[-1].friction_force):
-        last = states[-1]  # the skin gives way between this state and the next
+        last = states[-1]  # the puncture is between this state and the next
         states[-1] = dataclasses.replace(last, tip_force=max(last.tip_force, last.cutting_force))
     elif len(states) > 1 and float(np.linalg.norm(state.tip - states[-1].tip)) < least:
         states.pop()
@@ -154,60 +155,63 @@ def _outcome(outcome: Outcome, states: list[State]) -> Outcome:
     return outcome
 
 
-# An insertion with nodes of the mesh on the needle, stepped in time.
+# An insertion with nodes of the mesh on the needle, in time steps.
 #
-# The coupling of R. Alterovitz et al., IROS 2003, section IV: a node at the tip, those left behind
-# on the shaft, attached or sliding. The tip holds its material point until its force is that of
-# cutting; then its node is moved ahead in the reference until it is where the needle is under the
+# The coupling is that of R. Alterovitz et al., IROS 2003, section IV: a tip node, and previous tip
+# nodes on the shaft, which stick or slide. The tip loads its material point until the force reaches
+# the cutting force. Its node is then moved ahead in the undeformed mesh until its deformed position
+# under the cutting force is the position of the tip. During a retraction the needle leaves one node
+# after the other, and they return to their original positions.
 # cutting force. Drawn back, the needle lets go of one node after the other, and they return home.
 
 
 TOLERANCE = 1e-6
-"""Distance of the tip from where the needle is at which a step is solved, m.
+"""Largest distance between tip and tip node at the end of a step, m.
 
 A hundredth of the tolerance of the paper's search.
 """
 RASTER = 1e-8
-"""Places of the tip's node are multiples of this, m: a hundredth of the tolerance.
+"""The coordinates of the tip node are multiples of this length, m: a hundredth of the tolerance.
 
-Round-off of the tissue's response, some 1e-14 m, differs between processors and libraries. A step
-that is hard to solve enlarges it until another node is moved, and the tip ends a fraction of a
-millimetre elsewhere. Rounded, the places and with them the moved mesh are the same everywhere.
+The round-off of the response, about 1e-14 m, differs between processors and libraries. In an
+ill-conditioned step it would be amplified until another node is moved, and the tip would end a
+fraction of a millimetre elsewhere. With rounded coordinates the moved mesh is the same everywhere.
 """
 MOST_ITERATIONS, MOST_HALVINGS = 20, 10
 SLOPES = (0.2, 1.5)
-"""Least and most way of the tip per travel of the needle that is expected of a step."""
+"""Smallest and largest expected advance of the tip in a step, per travel of the needle."""
 REACHES = (1.0, 4.0, 16.0)
-"""How much further ahead the tip is looked for where it is not found: it may have snapped."""
+"""Factor on the search distance ahead if no position is found, as after a rupture."""
 LEAST_TRAVEL = 1e-6
-"""Travel, m, over which a tip is looked for ahead when the needle rests."""
+"""Travel, m, for the search ahead while the needle rests."""
 FORWARD = 1e-9
-"""Least way that a cutting tip makes in a step, m; below it holds."""
+"""Smallest advance of a cutting tip in a step, m; below it the tip does not advance."""
 
 Found = tuple[Vector, Response, ActiveSetSolution]
 
 
 class ConformingInsertion:
-    """A needle that nodes of the mesh follow.
+    """A needle whose tip and shaft are nodes of the mesh.
 
     Parameters
     ----------
     instrument : NeedleInterface
     tissue : TissueInTime
     spread : bool
-        Whether forces are spread over the instrument's kernel and section; else each acts on its
-        node alone, as in the paper.
+        Whether forces are distributed over kernel and section; else each acts on its node, as in
+        the paper.
     grip : float
+        Ratio of static to kinetic friction.
         Static over kinetic friction.
 
     Attributes
     ----------
     outcome : Outcome
-        How `iterate` ended.
+        Status at the end of `iterate`.
     waited : int
-        Steps in which a tip that would cut found no place to go, and held.
+        Steps in which a cutting tip could not advance, because no node could follow it.
     steps : int
-        Time steps so far.
+        Number of time steps so far.
     """
 
     def __init__(
@@ -223,11 +227,11 @@ class ConformingInsertion:
         self.waited = self.steps = 0
         self._way = TipPhase.LOADING
         self._loose: list[int] | None = None
-        self._slope = 0.5 * self.axis.direction  # way of the tip per travel of the needle
+        self._slope = 0.5 * self.axis.direction  # advance of the tip per travel of the needle
         self._jacobian = np.eye(2)
 
     def iterate(self, depths: Iterable[float]) -> Iterator[State]:
-        """Yield the state at every depth; one time step leads from each to the next."""
+        """Yield the state at each depth; one time step leads from each to the next."""
         try:
             for depth in depths:
                 yield self.advance(float(depth))
@@ -238,21 +242,21 @@ class ConformingInsertion:
             self.outcome = Outcome(Status.NOT_CONVERGED, str(error))
 
     def advance(self, depth: float) -> State:
-        """Make a time step that ends at a depth.
+        """Make a time step that ends at a given depth.
 
         Raises
         ------
         NoNodeError
-            No node could follow the tip over more than the distance to the next ones.
+            No node could follow the tip over more than the distance of the next ones.
         SimulationError
-            No equilibrium was found, or a needle that was drawn back is pushed in again.
+            No equilibrium was found, or a retracted needle is inserted again.
         """
         travel = depth - self.depth
         if travel < 0.0:
             self._way = TipPhase.RETRACTED
         if self._way is TipPhase.RETRACTED:
             if travel > 0.0:
-                raise SimulationError("a needle that was drawn back can't be pushed in again")
+                raise SimulationError("a retracted needle can't be inserted again")
             self._withdraw(depth)
         elif not (self._way is TipPhase.CUTTING and travel > 0.0 and self._cut(depth)):
             self._hold(depth)
@@ -261,7 +265,7 @@ class ConformingInsertion:
         return self.contact.state(depth, self.steps * self.tissue.shared.stepper.step, self._way)
 
     def _hold(self, depth: float) -> None:
-        """Let the tip hold its point, or begin to cut if its force is that of cutting."""
+        """Keep the tip's material point, or begin to cut if the force reaches the cutting force."""
         point, travel = self.chain.tip, depth - self.depth
         self.tissue.begin()
         response, settled = self.contact.evaluate(point, depth, travel, TipPhase.LOADING)
@@ -277,7 +281,7 @@ class ConformingInsertion:
         self.contact.finish(response, settled)
 
     def _cut(self, depth: float) -> bool:
-        """Move the tip's node ahead to where the needle is; say whether it went ahead."""
+        """Move the tip node ahead to the position of the tip; return whether it advanced."""
         mark, motion, memory = self.chain.mark(), self.tissue.motion, self.contact.memory
         travel = max(depth - self.depth + self._waiting, LEAST_TRAVEL)
         failed: Exception | None = None
@@ -291,7 +295,7 @@ class ConformingInsertion:
                 way = found[0] - self.chain.tip
                 if way @ self.axis.direction > FORWARD:
                     self._go(found)
-                    if not other and travel > LEAST_TRAVEL:  # else the path has a kink
+                    if not other and travel > LEAST_TRAVEL:  # otherwise the path has a kink
                         self._slope = self._expected(way / travel)
                     return True
                 failed = None
@@ -306,7 +310,7 @@ class ConformingInsertion:
         return False
 
     def _look_for(self, ahead: Vector, depth: float) -> tuple[bool, Found]:
-        """Bring the nearest node ahead of the tip, and find its place; say if it is another."""
+        """Move the nearest node ahead of the tip, and solve for it; return if it is another one."""
         guess = self.chain.tip + ahead
         moves = self.chain.moves_to(guess)
         self.tissue.transfer(moves)
@@ -319,7 +323,7 @@ class ConformingInsertion:
         return other, self._solve(guess, depth)
 
     def _go(self, found: Found) -> None:
-        """End the step with the tip's node in its place."""
+        """Finish the step with the tip node at its position."""
         point, response, settled = found
         self.chain.mesh.place(self.chain.tip_node, point)
         self.chain.record(point)
@@ -327,7 +331,7 @@ class ConformingInsertion:
         self.contact.finish(response, settled)
 
     def _expected(self, slope: Vector) -> Vector:
-        """Return what to expect of the next step, mostly straight ahead, after one step's slope."""
+        """Return the expected advance of the next step, from the slope of the last one."""
         ahead = min(max(float(slope @ self.axis.direction), SLOPES[0]), SLOPES[1])
         sideways = float(self.axis.lateral_directions[0] @ slope)
         sideways = min(max(sideways, -SLOPES[0] * ahead), SLOPES[0] * ahead)
@@ -335,14 +339,14 @@ class ConformingInsertion:
         return expected
 
     def _wait(self, travel: float, error: Exception) -> None:
-        """Hold for want of a place, over no more than the way to the next nodes."""
+        """Do not advance, over at most the distance of the next nodes."""
         self._waiting += travel
         self.waited += 1
         if self._waiting > self.touch.size(self.chain.tip_node):
             raise error
 
     def _solve(self, point: Vector, depth: float) -> Found:
-        """Find the place of the tip's node by Broyden's method, in the order of the axes."""
+        """Solve for the position of the tip node by Broyden's method, in the order of the axes."""
         travel = depth - self.depth
         point = _on_raster(point)
         response, settled = self.contact.evaluate(point, depth, travel, TipPhase.CUTTING)
@@ -360,23 +364,23 @@ class ConformingInsertion:
             error = self._off(point, settled, depth) - residual - self._jacobian @ change
             self._jacobian = self._jacobian + np.outer(error, change) / (change @ change)
         self._jacobian = np.eye(2)
-        raise SimulationError(f"no place of the tip was found at depth {depth:.4g} m")
+        raise SimulationError(f"the position of the tip node did not converge at {depth:.4g} m")
 
     def _allowed(self, point: Vector, change: Vector) -> Vector:
-        """Return a change, halved until no cell turns over."""
+        """Return a change that is halved until no cell is inverted."""
         for _ in range(MOST_HALVINGS):
             if self.tissue.ratio(point + change) >= 0.5 * LEAST_AREA:
                 return change
             change = 0.5 * change
-        raise NoNodeError("the node at the tip can't follow it: a cell would turn over")
+        raise NoNodeError("the tip node can't follow the tip: a cell would be inverted")
 
     def _off(self, point: Vector, settled: ActiveSetSolution, depth: float) -> Vector:
-        """Return how far the tip is from where the needle is, shape (2,), m."""
+        """Return the distance vector between tip node and tip, shape (2,), m."""
         off: Vector = point + settled.moved[-2:] @ self.axis.frame - self.axis.tip_position(depth)
         return off
 
     def _withdraw(self, depth: float) -> None:
-        """Draw the needle back; nodes that it leaves go home once no cell turns over by that."""
+        """Retract the needle; nodes that it leaves return when no cell is inverted by that."""
         chain, mesh = self.chain, self.chain.mesh
         if self._loose is None:
             self._loose = [chain.tip_node]
@@ -397,6 +401,6 @@ class ConformingInsertion:
 
 
 def _on_raster(point: Vector) -> Vector:
-    """Return the nearest place on the raster."""
+    """Return the nearest point of the raster."""
     found: Vector = np.round(point / RASTER) * RASTER
     return found

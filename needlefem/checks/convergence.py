@@ -1,4 +1,4 @@
-"""How accurate an element is with a law: order and size of the error, locking."""
+"""Accuracy of an element with a law: order of convergence, size of the error, locking."""
 
 import dataclasses
 import statistics
@@ -17,11 +17,11 @@ from needlefem.fem.boundary_value_problem import BoundaryValueProblem, StaticSol
 from needlefem.materials import Isotropic, Material, VolumetricSplit, plane_volumetric_split
 
 LOCKING = 6.0
-"""Error over that of the interpolant beyond which an element is said to lock."""
+"""Ratio of the error to that of the interpolant above which an element locks."""
 ORDER_WITHIN = 0.15
-"""Largest distance of an observed order of convergence from that of theory."""
+"""Largest difference between an observed order of convergence and the theory."""
 FINE = {1: 32, 2: 16}
-"""Divisions of the finer mesh by degree; higher degrees take the last."""
+"""Divisions of the finer mesh by degree; higher degrees use the last number."""
 
 
 def solve_manufactured(
@@ -31,9 +31,9 @@ def solve_manufactured(
     divisions: int,
     plane: str = "strain",
 ) -> StaticSolution:
-    """Solve on a distorted square, one side of which is pulled, the others held."""
+    """Solve on a distorted square with a traction on one side and fixed displacements elsewhere."""
     law = plane_volumetric_split(material, plane)
-    # the field of an incompressible law keeps its volume, and needs no pressure
+    # the field of an incompressible law has constant volume, and no pressure is needed
     stiffness = law.shape if law.compressibility == 0.0 else law.stiffness
     number = np.array([[0, 2], [2, 1]])
     tangent = stiffness[number[:, :, None, None], number[None, None]]
@@ -53,14 +53,14 @@ def solve_manufactured(
 def convergence(
     element: ElementType, material: Material, plane: str, law: VolumetricSplit
 ) -> list[CheckResult]:
-    """Refine under a manufactured solution: order and size of the error."""
+    """Refine under a manufactured solution; check order and size of the error."""
     field = ISOCHORIC if law.poissons_ratio > 0.45 else GENERAL
     theory = np.array([element.degree + 1.0, element.degree])
     fine = FINE.get(element.degree, FINE[max(FINE)])
     solved = [solve_manufactured(element, material, field, n, plane) for n in (fine // 2, fine)]
     accuracy = over_interpolant(solved[-1], field)
     errors = [_errors(one, field) for one in solved]
-    for count in (2 * fine, 4 * fine):  # the order is that of fine meshes: some need finer ones
+    for count in (2 * fine, 4 * fine):  # orders are observed on sufficiently fine meshes only
         if np.all(np.abs(np.log2(errors[-2] / errors[-1]) - theory) <= ORDER_WITHIN):
             break
         errors.append(_errors(solve_manufactured(element, material, field, count, plane), field))
@@ -83,14 +83,14 @@ def _errors(solved: StaticSolution, field: Manufactured) -> Floats:
 
 
 def over_interpolant(solved: StaticSolution, field: Manufactured) -> float:
-    """Return the L2 error of a solution over that of the exact field's interpolant."""
+    """Return the ratio of the L2 error of a solution to that of the exact field's interpolant."""
     nodal = solved.space.dof_vector(field.displacement(solved.space.nodes))
     least = dataclasses.replace(solved, u=nodal).l2_error(field.displacement)
     return solved.l2_error(field.displacement) / least
 
 
 def no_locking(element: ElementType) -> CheckResult:
-    """Check that an element does not lock up to the Poisson's ratio that its row declares."""
+    """Check that an element does not lock up to its declared limit of Poisson's ratio."""
     ratio = min(element.poissons_ratio_limit, NEARLY_INCOMPRESSIBLE)
     material = Isotropic(youngs_modulus=1.0, poissons_ratio=ratio)
     solved = solve_manufactured(element, material, ISOCHORIC, 16)
@@ -105,7 +105,7 @@ def no_locking(element: ElementType) -> CheckResult:
 def two_material_bar(
     element: ElementType, contrast: float, stress: float = 2.0
 ) -> tuple[float, float]:
-    """Return the end's displacement of a pressed bar, one half of which is stiffer, and the exact.
+    """Return the end's displacement of a compressed bar with a stiffer half, and the exact value.
 
     Uniaxial strain: ``stress (L1 / M1 + L2 / M2)`` with ``M = lambda + 2 mu``.
     """
@@ -126,11 +126,11 @@ def two_material_bar(
     return moved, stress * (0.5 / moduli[0] + 0.5 / moduli[1])
 
 
-# Errors on finer and finer meshes.
+# Errors under mesh refinement.
 
 
 LONG_ENOUGH = 0.03
-"""Seconds from which on one timing is taken as it is."""
+"""Duration from which a single timing is sufficient, s."""
 
 
 def convergence_study(
@@ -140,7 +140,7 @@ def convergence_study(
     errors: Callable[[StaticSolution], dict[str, float]],
     orders: dict[str, float] | None = None,
 ) -> tuple[dict[str, Curve], StaticSolution]:
-    """Solve on meshes of several divisions and return a curve for every error.
+    """Solve on meshes with several divisions and return one curve per error.
 
     Parameters
     ----------
@@ -148,11 +148,11 @@ def convergence_study(
     divisions : sequence of int
         Rising; the element size is its reciprocal.
     solve : callable
-        Returns the solution on a mesh of so many divisions; it is timed.
+        Returns the solution on a mesh with a given number of divisions; it is timed.
     errors : callable
-        Returns the errors of a solution by the name of what is wrong.
+        Returns the errors of a solution by name.
     orders : dict, optional
-        Order of every error in theory.
+        Theoretical order of each error.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def convergence_study(
 
 
 def _timed(solve: Callable[[int], StaticSolution], count: int) -> tuple[StaticSolution, float]:
-    """Return a solution and its seconds: the median of three where one is too short to time."""
+    """Return a solution and its time in seconds: the median of three if one is too short."""
     spent: list[float] = []
     while len(spent) < 3:
         start = time.perf_counter()
@@ -190,7 +190,7 @@ def _timed(solve: Callable[[int], StaticSolution], count: int) -> tuple[StaticSo
 
 
 def order_answer(curve: Curve, within: float = 0.15) -> Quantity:
-    """Return the answer that a curve converges as theory says."""
+    """Return the observed order of convergence as a quantity with its theoretical value."""
     order = 0.0 if curve.order is None else curve.order
     return Quantity(
         label=f"{curve.element}: order of {curve.quantity}",
@@ -202,10 +202,10 @@ def order_answer(curve: Curve, within: float = 0.15) -> Quantity:
 
 
 def order_at_least(curve: Curve, within: float = 0.15) -> Quantity:
-    """Return the answer that a curve converges at least as fast as theory says.
+    """Return the observed order of convergence with the theoretical value as lower bound.
 
-    For problems where coarse meshes are more than proportionally bad, so that errors fall faster
-    at first.
+    For problems whose errors on coarse meshes are larger than the theory predicts, so that the
+    errors decrease faster at first.
     """
     order = 0.0 if curve.order is None else curve.order
     return Quantity(

@@ -1,4 +1,4 @@
-"""Properties of an element's own functions and rules, on its reference cell and two cells."""
+"""Checks of an element on its reference cell and two cells, and with a law in the plane."""
 
 import dataclasses
 
@@ -34,7 +34,7 @@ SIMPLEX = ("triangle", "tetrahedron")
 
 
 def check_shape(element: ElementType) -> tuple[CheckResult, ...]:
-    """Run all checks of an element's functions and rules."""
+    """Return the results of all checks of an element's shape functions and quadrature rules."""
     return (
         nodal_functions(element),
         shape_gradients(element),
@@ -60,12 +60,12 @@ def _values(element: ElementType, points: Points) -> Floats:
 
 
 def nodal_functions(element: ElementType) -> CheckResult:
-    """Check that every function is 1 at its node, 0 at the others, and that they add up to 1."""
+    """Check that each function is 1 at its node, 0 at the others, and that their sum is 1."""
     at_nodes = np.abs(_values(element, element.nodes) - np.eye(len(element.nodes))).max()
     sums = np.abs(_values(element, _inside(element)).sum(axis=1) - 1.0).max()
     return CheckResult(
         name="nodal functions",
-        requirement="each function is 1 at its own node, 0 at the others; all add up to 1",
+        requirement="each function is 1 at its own node, 0 at the others; the sum of all is 1",
         value=float(max(at_nodes, sums)),
         bound=1e-12,
     )
@@ -91,7 +91,7 @@ def shape_gradients(element: ElementType) -> CheckResult:
 
 
 def completeness(element: ElementType) -> CheckResult:
-    """Check that polynomials of the declared degree are met exactly."""
+    """Check that polynomials of the declared degree are represented exactly."""
     points, worst = _inside(element), 0.0
     for power in np.ndindex(*[element.degree + 1] * points.shape[1]):
         if sum(power) <= element.degree:
@@ -100,14 +100,14 @@ def completeness(element: ElementType) -> CheckResult:
             worst = max(worst, float(np.abs(_values(element, points) @ at_nodes - exact).max()))
     return CheckResult(
         name="completeness",
-        requirement="polynomials of the declared degree are met exactly",
+        requirement="polynomials of the declared degree are represented exactly",
         value=worst,
         bound=1e-12,
     )
 
 
 def continuity(element: ElementType) -> CheckResult:
-    """Check that displacements of any dofs agree on both sides of every edge (2D)."""
+    """Check that displacements are continuous across each edge for any dofs (2D)."""
     mesh = distorted_mesh(element, 3)
     space = FunctionSpace(mesh, element)
     field = np.random.default_rng(2).normal(size=space.nnodes)
@@ -124,7 +124,7 @@ def continuity(element: ElementType) -> CheckResult:
         worst = max(worst, float(np.abs(sides[0] - sides[1]).max()))
     return CheckResult(
         name="continuity",
-        requirement="neighbouring cells agree on their common edge",
+        requirement="displacements of neighbouring cells agree on their common edge",
         value=worst,
         bound=1e-10,
     )
@@ -135,19 +135,19 @@ def _measure(element: ElementType) -> float:
 
 
 def rules(element: ElementType) -> CheckResult:
-    """Check that the weights of every rule add up to the reference cell."""
+    """Check that the weights of each rule sum to the measure of the reference cell."""
     used = [element.stiffness_rule, element.mass_rule, element.volume_rule]
     off = [abs(rule()[1].sum() / _measure(element) - 1.0) for rule in used if rule is not None]
     return CheckResult(
         name="quadrature weights",
-        requirement="the weights of every rule add up to the reference cell",
+        requirement="the weights of each rule sum to the measure of the reference cell",
         value=float(max(off)),
         bound=1e-12,
     )
 
 
 def mass_rule(element: ElementType) -> CheckResult:
-    """Check that the rule of M integrates products of functions exactly on the reference cell."""
+    """Check that the rule of M integrates products of shape functions exactly."""
     dim, high = element.nodes.shape[1], 2 * element.make().maxdeg
     fine = simplex(high, dim) if element.cell in SIMPLEX else gauss(high, dim)
     matrices = []
@@ -163,22 +163,22 @@ def mass_rule(element: ElementType) -> CheckResult:
     )
 
 
-# Properties that an element and a law have together, in the plane.
+# Checks of an element together with a law, in the plane.
 
 
 DISPERSION = {1: 0.3, 2: 5e-3}
 """Relative error of a frequency over ``(wave number times element size)^(2 degree)``.
 
-A quarter above the largest of P1 and P2, the least accurate of their degrees, at nu = 0.45.
+A quarter above the largest of P1 and P2, the least accurate ones of their degrees, at nu = 0.45.
 """
 
 
 def patches(
     element: ElementType, material: Material, plane: str, law: VolumetricSplit
 ) -> list[CheckResult]:
-    """Run the patch tests (B. Irons, A. Razzaque 1972) that the element's degree allows."""
+    """Return the patch tests (B. Irons, A. Razzaque 1972) for the element's degree."""
     mesh = distorted_mesh(element, 4)
-    # round-off grows with the condition of the system, which is kappa over shear
+    # round-off grows with the condition number of the system, about kappa over shear modulus
     bound = 1e-13 * max(10.0, law.kappa / law.shear)
     found = [
         outcome(
@@ -198,7 +198,7 @@ def patches(
         found.append(
             outcome(
                 "patch, bending",
-                "a quadratic displacement of the boundary is met exactly inside",
+                "a quadratic displacement of the boundary is represented exactly inside",
                 bending_error(element, material, plane),
                 bound,
             )
@@ -207,10 +207,10 @@ def patches(
 
 
 def bending_error(element: ElementType, material: Material, plane: str = "strain") -> float:
-    """Return the largest error of pure bending on a distorted mesh, relative.
+    """Return the largest relative error of pure bending on a distorted mesh.
 
-    ``u = x y, v = -(x^2 + b y^2) / 2`` with b from the law: strain linear in y along x, no
-    stress along y (S. P. Timoshenko).
+    ``u = x y, v = -(x^2 + b y^2) / 2`` with b from the law: the strain along x is linear in y, and
+    the stress along y is zero (S. P. Timoshenko).
     """
     law = plane_volumetric_split(material, plane)
     stiffness = law.stiffness
@@ -230,12 +230,12 @@ def bending_error(element: ElementType, material: Material, plane: str = "strain
 
 
 def modes(element: ElementType, material: Material, plane: str) -> list[CheckResult]:
-    """Count the motions that cost nothing, and measure the force of rigid ones."""
+    """Check the number of zero modes, and the force due to rigid motions."""
     model = rectangle(element, material, 3, plane=plane)
     return [
         outcome(
             "zero modes",
-            "two translations and a rotation cost nothing, and nothing else does",
+            "two translations and a rotation cause no force, all other motions do",
             abs(zero_modes(model) - 3),
             0.0,
         ),
@@ -244,7 +244,7 @@ def modes(element: ElementType, material: Material, plane: str) -> list[CheckRes
 
 
 def masses(element: ElementType, material: Material, plane: str) -> list[CheckResult]:
-    """Check total and sign of consistent and admitted lumped masses."""
+    """Check total and sign of consistent and admissible lumped masses."""
     heavy = dataclasses.replace(material, density=1000.0)  # type: ignore[type-var]
     model = rectangle(element, heavy, 3, plane=plane)
     total = 1000.0 * model.dim
@@ -256,10 +256,15 @@ def masses(element: ElementType, material: Material, plane: str) -> list[CheckRe
     values = np.linalg.eigvalsh(model.mass.toarray())
     least.append(float(values[0] / values[-1]))
     return [
-        outcome("mass total", "consistent and lumped mass add up to the body's", max(off), 1e-12),
+        outcome(
+            "mass total",
+            "the sum of consistent and lumped mass is that of the body",
+            max(off),
+            1e-12,
+        ),
         outcome(
             "mass positive",
-            "consistent and admitted lumped masses are positive",
+            "consistent and admissible lumped masses are positive",
             float(min(least) < 1e-9),
             0.0,
         ),
@@ -267,7 +272,7 @@ def masses(element: ElementType, material: Material, plane: str) -> list[CheckRe
 
 
 def bad_cells_refused(element: ElementType) -> CheckResult:
-    """Check that concave, crossed or flat cells of the element's mesh are refused."""
+    """Check that concave, crossed or flat cells raise an error."""
     mesh = distorted_mesh(element, 3, 0.0)
     points = mesh.p.copy()
     points[:, mesh.t[0, 4]] = points[:, mesh.t[1 if mesh.t.shape[0] == 3 else 2, 4]]
@@ -282,10 +287,10 @@ def bad_cells_refused(element: ElementType) -> CheckResult:
 
 
 def inf_sup(element: ElementType, divisions: int) -> float:
-    """Return the inf-sup constant of a mixed element on a held square.
+    """Return the inf-sup constant of a mixed element on a square with fixed boundary.
 
-    The square root of the smallest eigenvalue of ``B inv(A) B'`` against the pressure's mass,
-    the constant pressure left out (D. Chapelle, K.-J. Bathe 1993).
+    It is the square root of the smallest eigenvalue of ``B inv(A) B'`` relative to the mass matrix
+    of the pressure, without the constant pressure (D. Chapelle, K.-J. Bathe 1993).
     """
     material = Isotropic(youngs_modulus=3.0, poissons_ratio=0.0)
     stiffness = BoundaryValueProblem(
@@ -306,14 +311,14 @@ def pressure_stability(element: ElementType) -> CheckResult:
     coarse, fine = inf_sup(element, 4), inf_sup(element, 8)
     return outcome(
         "pressure stability",
-        "the inf-sup constant does not vanish, nor fall under refinement",
+        "the inf-sup constant is not zero and does not decrease under refinement",
         coarse / fine if fine > 1e-6 else np.inf,
         1.25,
     )
 
 
 def frequencies(element: ElementType, material: Material, plane: str) -> CheckResult:
-    """Check the six lowest frequencies of a box whose sides slide, against plane waves."""
+    """Check the six lowest frequencies of a box with sliding sides against plane waves."""
     heavy = dataclasses.replace(material, density=1000.0)  # type: ignore[type-var]
     model = sliding_box(element, heavy, 16, plane)
     found = eigenfrequencies(model, 6)

@@ -1,4 +1,4 @@
-"""Energy of time integration."""
+"""Checks of an integrator on one degree of freedom, and its energy drift on a tissue."""
 
 from collections.abc import Callable, Collection
 
@@ -24,8 +24,8 @@ from needlefem.fem.tissue_model import TissueModel
 def energy_drift(model: TissueModel, step: float, count: int, lumping: str | None = None) -> float:
     """Return the largest relative change of energy over `count` free steps of `step` s.
 
-    Average acceleration without damping, from a smooth displacement at rest; the energy is
-    looked at a hundred times.
+    The integrator is the average acceleration without damping; the motion starts at rest from a
+    smooth displacement. The energy is evaluated a hundred times.
     """
     system = TissueSystem(model, lumping=lumping)
     dynamics = Newmark().stepper(system, step)
@@ -46,23 +46,23 @@ def energy_drift(model: TissueModel, step: float, count: int, lumping: str | Non
     return drift
 
 
-# Properties of an integrator, measured on one degree of freedom.
+# Checks of an integrator on one degree of freedom.
 
 
 DAMPED_RATIO = 0.1
-"""Share of critical damping in the checks that need some."""
+"""Damping ratio in checks with damping."""
 BRANCH_TIME = 0.7
-"""Relaxation time of the viscoelastic oscillator, in units of its relaxed spring's."""
+"""Relaxation time of the viscoelastic oscillator, in units of that of its relaxed spring."""
 
 GROWTH = 1e-7
-"""Of a free motion in a step, which is round-off: eigenvalues that coincide keep half the digits.
-"""
+"""Growth of a free motion per step that is round-off; coinciding eigenvalues have half of the
+digits."""
 GRID = np.geomspace(1e-2, 1e3, 101)
-"""Steps, times the angular frequency, at which stability is looked at."""
+"""Products of step and angular frequency at which the stability is evaluated."""
 
 
 class Oscillator(MatrixSystem):
-    """One mass on a spring of angular frequency 1, damped by a share of the critical."""
+    """Return a mass on a spring with angular frequency 1 and a given damping ratio."""
 
     def __init__(self, ratio: float = 0.0) -> None:
         one = np.ones((1, 1))
@@ -70,7 +70,7 @@ class Oscillator(MatrixSystem):
 
 
 class Forgetful(MatrixSystem):
-    """A mass on a spring with a Maxwell branch of the same stiffness beside it."""
+    """Return a mass on a spring with a parallel Maxwell branch of the same stiffness."""
 
     def __init__(self, time: float) -> None:
         one = np.ones((1, 1))
@@ -78,7 +78,7 @@ class Forgetful(MatrixSystem):
 
 
 def amplification(integrator: Integrator, step: float, ratio: float = 0.0) -> Floats:
-    """Return the matrix that takes ``(u, dt v, dt^2 a)`` over a free step, shape (3, 3).
+    """Return the matrix of a free step for ``(u, dt v, dt^2 a)``, shape (3, 3).
 
     `step` is the angular frequency times the time step.
     """
@@ -94,24 +94,24 @@ def amplification(integrator: Integrator, step: float, ratio: float = 0.0) -> Fl
 
 
 def spectral_radius(integrator: Integrator, step: float, ratio: float = 0.0) -> float:
-    """Return the largest eigenvalue of a free step, absolute."""
+    """Return the spectral radius of a free step."""
     return float(np.abs(np.linalg.eigvals(amplification(integrator, step, ratio))).max())
 
 
 def principal(integrator: Integrator, step: float, ratio: float = 0.0) -> complex:
-    """Return the eigenvalue of a free step that stands for the motion (upper half plane)."""
+    """Return the principal eigenvalue of a free step (in the upper half plane)."""
     values = np.linalg.eigvals(amplification(integrator, step, ratio))
     exact = np.exp(complex(-ratio, np.sqrt(1.0 - ratio**2)) * step)
     return complex(values[np.argmin(np.abs(values - exact))])
 
 
 def period_error(integrator: Integrator, step: float) -> float:
-    """Return the relative error of the period of a free, undamped motion."""
+    """Return the relative error of the period of a free undamped motion."""
     return step / abs(float(np.angle(principal(integrator, step)))) - 1.0
 
 
 def _final_error(integrator: Integrator, count: int, load: Load | None, *, memory: bool) -> float:
-    """Return the error of displacement and velocity at time 2, damped, pushed or free."""
+    """Return the error of displacement and velocity at time 2, with or without a load."""
     system = Forgetful(BRANCH_TIME) if memory else Oscillator(DAMPED_RATIO)
     stepper = integrator.stepper(system, 2.0 / count)
     first = np.zeros(1) if load is None else load(0.0)
@@ -126,23 +126,23 @@ def _push(time: float) -> Floats:
 
 
 def _exact(time: float, *, pushed: bool, memory: bool) -> Floats:
-    """Return displacement and velocity of the oscillator, by its matrix exponential."""
-    rate = np.zeros((5, 5))  # displacement, velocity, branch, push and its rate
+    """Return displacement and velocity of the oscillator from its matrix exponential."""
+    rate = np.zeros((5, 5))  # displacement, velocity, branch, load and its rate
     rate[0, 1], rate[1, 0] = 1.0, -1.0
     if memory:
         rate[1, 2], rate[2, 1], rate[2, 2] = -1.0, 1.0, -1.0 / BRANCH_TIME
     else:
         rate[1, 1] = -2.0 * DAMPED_RATIO
     rate[1, 3] = 1.0 if pushed else 0.0
-    rate[3, 4], rate[4, 3] = 1.0, -(1.7**2)  # the push is itself an oscillator
+    rate[3, 4], rate[4, 3] = 1.0, -(1.7**2)  # the load is harmonic
     found: Floats = expm(rate * time) @ np.array([0.3, -0.2, 0.0, 0.0, 1.7])
     return found[:2]
 
 
 def order(integrator: Integrator, *, pushed: bool, memory: bool = False) -> float:
-    """Return the observed order of convergence in time, pushed or free.
+    """Return the observed order of convergence in time, with or without a load.
 
-    Of an oscillator with a dashpot, or with a viscoelastic branch.
+    The oscillator has a dashpot or a viscoelastic branch.
     """
     load = _push if pushed else None
     errors = [_final_error(integrator, count, load, memory=memory) for count in (400, 800)]
@@ -152,13 +152,12 @@ def order(integrator: Integrator, *, pushed: bool, memory: bool = False) -> floa
 def check_integrator(
     integrator: Integrator, theory: float = 2.0, names: Collection[str] = ()
 ) -> tuple[CheckResult, ...]:
-    """Run the checks of an integrator that moves mass: all of them, or those of `names`.
+    """Return the results of the checks of an integrator with inertia: all, or those of `names`.
 
     Parameters
     ----------
     integrator : Integrator
-    theory : float
-        Its order of convergence.
+    Theoretical order of convergence.
     names : collection of str
         Names of checks; all if empty.
     """
@@ -166,23 +165,23 @@ def check_integrator(
     checks: dict[str, tuple[str, Callable[[], float], float]] = {
         "order, free": (f"errors fall with power {theory:g} of the step",
                         lambda: abs(order(integrator, pushed=False) - theory), 0.05),
-        "order, pushed": (f"so they do under a load: power {theory:g}",
+        "order, pushed": (f"errors under a load fall with power {theory:g} of the step",
                           lambda: abs(order(integrator, pushed=True) - theory), 0.05),
-        "order, memory": (f"so they do for viscoelastic tissue: power {theory:g}",
+        "order, memory": (f"errors of viscoelastic tissue fall with power {theory:g} of the step",
                           lambda: abs(order(integrator, pushed=True, memory=True) - theory), 0.05),
-        "stability": ("no free motion grows, for steps below the stable one",
+        "stability": ("no free motion grows for steps below the critical step",
                       lambda: _largest_radius(integrator) - 1.0, GROWTH),
-        "damping": ("a tenth of critical damping shows in a free motion",
+        "damping": ("a free motion decays with a tenth of critical damping",
                     lambda: _damping_error(integrator), 2e-2 if loose else 1e-3),
-        "period": ("the period of slow motion is right",
+        "period": ("the period of slow motion is correct",
                    lambda: abs(period_error(integrator, 0.02)), 1e-4),
-        "energy": ("work is what motion, spring and dashpot take",
+        "energy": ("the work equals kinetic and strain energy plus dissipation",
                    lambda: energy_taken(integrator), 2e-2 if loose else 1e-4),
-        "free flight": ("a body that nothing holds flies straight on",
+        "free flight": ("a body without supports keeps its velocity",
                         lambda: _flight(integrator), 1e-12),
-        "free fall": ("a constant force on it gives a constant acceleration",
+        "free fall": ("a constant force on a free body gives a constant acceleration",
                       lambda: _fall(integrator), 1e-10),
-        "rest": ("a load that is held ends in equilibrium",
+        "rest": ("a constant load with damping ends in equilibrium",
                  lambda: _equilibrium(integrator), 1e-9),
     }  # fmt: skip
     return tuple(
@@ -198,7 +197,7 @@ def _damping_error(integrator: Integrator) -> float:
 
 
 def _largest_radius(integrator: Integrator) -> float:
-    """Return the largest spectral radius over the steps of the grid that are accepted."""
+    """Return the largest spectral radius over the accepted steps of the grid."""
     accepted = [float(step) for step in GRID if _accepts(integrator, float(step))]
     return max(spectral_radius(integrator, step) for step in accepted)
 
@@ -206,15 +205,15 @@ def _largest_radius(integrator: Integrator) -> float:
 def _accepts(integrator: Integrator, step: float) -> bool:
     try:
         integrator.stepper(Oscillator(), step)
-    except CaseError:  # explicit ones refuse what is above their limit
+    except CaseError:  # explicit integrators refuse steps above their limit
         return False
     return True
 
 
 def stability_limit(integrator: Integrator) -> float:
-    """Return the largest ``w dt`` that is accepted and lets no free motion grow.
+    """Return the largest accepted ``w dt`` for which no free motion grows.
 
-    Infinite if there is none up to 1e3.
+    The result is infinite if no limit is found up to 1e3.
     """
 
     def holds(step: float) -> bool:
@@ -231,7 +230,7 @@ def stability_limit(integrator: Integrator) -> float:
 
 
 def energy_taken(integrator: Integrator) -> float:
-    """Return the share of a push's turnover that the integrator takes, on a damped oscillator."""
+    """Return the algorithmic dissipation of a damped oscillator, relative to the absolute work."""
     step = 0.01
     stepper = integrator.stepper(Oscillator(DAMPED_RATIO), step)
     ledger = TissueEnergyBalance(stepper)
@@ -244,7 +243,7 @@ def energy_taken(integrator: Integrator) -> float:
 
 
 def measured(integrator: Integrator) -> dict[str, float]:
-    """Return what tells one integrator from another, by name."""
+    """Return characteristic numbers of an integrator by name."""
     accepted = [step for step in (0.1, 1.0, 10.0, 1e3) if _accepts(integrator, step)]
     return {
         "order": order(integrator, pushed=True),
@@ -257,7 +256,7 @@ def measured(integrator: Integrator) -> dict[str, float]:
 
 
 def _loose() -> MatrixSystem:
-    """Return a mass that almost nothing holds."""
+    """Return a mass with a very weak spring."""
     return MatrixSystem(np.ones((1, 1)), 1e-30 * np.ones((1, 1)))
 
 

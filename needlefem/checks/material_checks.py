@@ -1,4 +1,4 @@
-"""Properties that any constitutive law must have, measured by differences of its own answers."""
+"""Checks of a constitutive law by differences of its own response."""
 
 import dataclasses
 
@@ -12,15 +12,15 @@ from needlefem.materials.relaxation import HasBranches
 from needlefem.materials.volumetric_split import HasCompliance
 
 SMALL = 1e-5
-"""Strain of the trials, and step of the differences: far above round-off, far below large."""
+"""Strain of the checks, and step of the differences: far above round-off, far below 1."""
 DIFFERENCE = 1e-5
-"""Largest relative error of central differences that is still theirs."""
+"""Largest relative error of central differences."""
 
 
 def check_law(material: Material) -> tuple[CheckResult, ...]:
-    """Run all checks that apply to a law.
+    """Return the results of all checks that apply to a law.
 
-    An incompressible law has no stress of its strain: it is checked through its compliance.
+    The stress of an incompressible law does not follow from the strain; its compliance is checked.
     """
     always = [density(material), stable(material)]
     try:
@@ -72,14 +72,14 @@ def density(material: Material) -> CheckResult:
 
 
 def stable(material: Material) -> CheckResult:
-    """Check that every strain costs energy."""
+    """Check that each strain has a positive energy."""
     try:
         stiff = volumetric_split(material).shear > 0.0
     except (CaseError, np.linalg.LinAlgError):
         stiff = False
     return CheckResult(
         name="stability",
-        requirement="every strain at rest costs energy",
+        requirement="each strain has a positive energy",
         value=float(not stiff),
         bound=0.0,
     )
@@ -98,7 +98,7 @@ def rest(material: Material) -> CheckResult:
 
 
 def stress_of_energy(material: Material) -> CheckResult:
-    """Check that the stress is the energy's derivative (no perpetual motion)."""
+    """Check that the stress is the derivative of the energy."""
     worst = 0.0
     scale = _scale(material) * SMALL
     for gradient in _trials():
@@ -115,7 +115,7 @@ def stress_of_energy(material: Material) -> CheckResult:
 
 
 def tangent_of_stress(material: Material) -> CheckResult:
-    """Check that the tangent is the stress's derivative (Newton's method converges)."""
+    """Check that the tangent is the derivative of the stress, as Newton's method requires."""
     worst, scale = 0.0, _scale(material)
     for gradient in _trials():
         tangent = _tangent(material.evaluate(gradient))
@@ -144,20 +144,20 @@ def tangent_symmetric(material: Material) -> CheckResult:
 
 
 def rotation(material: Material) -> CheckResult:
-    """Check that an infinitesimal rotation of undeformed tissue costs no stress."""
+    """Check that an infinitesimal rotation of undeformed tissue causes no stress."""
     tangent = _tangent(material.evaluate(np.zeros((3, 3))))
     turns = np.array([[[0, 1, 0], [-1, 0, 0], [0, 0, 0]], [[0, 0, 1], [0, 0, 0], [-1, 0, 0]]])
     worst = max(float(np.abs(np.tensordot(tangent, turn, 2)).max()) for turn in turns)
     return CheckResult(
         name="rotation",
-        requirement="an infinitesimal rotation costs no stress",
+        requirement="an infinitesimal rotation causes no stress",
         value=worst / _scale(material),
         bound=1e-12,
     )
 
 
 def _of_constants(material: Material) -> list[CheckResult]:
-    """Return the checks that a law's own claims call for."""
+    """Return the results of the checks that depend on the declared properties of a law."""
     found = []
     if isinstance(material, HasCompliance):
         found.append(compliance(material))
@@ -186,7 +186,7 @@ def compliance(material: HasCompliance) -> CheckResult:
             spread = np.abs(stiffness) @ np.abs(matrix)
             off = max(off, float(np.max(np.abs(stiffness @ matrix - np.eye(6)) / spread.max())))
         except CaseError:
-            pass  # incompressible: there is no stiffness to compare with
+            pass  # incompressible: the stiffness does not exist
     return CheckResult(
         name="compliance",
         requirement="the compliance is symmetric and the inverse of the stiffness",
@@ -196,41 +196,41 @@ def compliance(material: HasCompliance) -> CheckResult:
 
 
 def isotropy(material: Material) -> CheckResult:
-    """Check that a law which says that it is isotropic answers alike in all directions."""
+    """Check that the response of a law that is declared isotropic is equal in all directions."""
     matrix = _compliance(material)
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     turned = voigt.rotation(turn).T @ matrix @ voigt.rotation(turn)
     return CheckResult(
         name="isotropy",
-        requirement="the answer does not depend on the direction",
+        requirement="the response does not depend on the direction",
         value=float(np.abs(turned - matrix).max() / np.abs(matrix).max()),
         bound=1e-12,
     )
 
 
 def simple_tension(material: Material) -> CheckResult:
-    """Check that the modulus and ratio which a law declares show in simple tension."""
+    """Check that uniaxial tension gives the declared modulus and Poisson's ratio."""
     matrix = _compliance(material)
     modulus = float(material.youngs_modulus)  # type: ignore[attr-defined]
     ratio = float(material.poissons_ratio)  # type: ignore[attr-defined]
     off = max(abs(matrix[0, 0] * modulus - 1.0), abs(matrix[1, 0] * modulus + ratio))
     return CheckResult(
         name="simple tension",
-        requirement="Young's modulus and Poisson's ratio show in simple tension as declared",
+        requirement="uniaxial tension gives the declared Young's modulus and Poisson's ratio",
         value=float(off),
         bound=1e-9,
     )
 
 
 def _of_memory(material: Material) -> list[CheckResult]:
-    """Return the checks that a law with a memory calls for."""
+    """Return the results of the checks for a viscoelastic law."""
     if not (isinstance(material, HasBranches) and material.branches()):
         return []
     return [same_in_two_steps(material), loses_energy(material)]
 
 
 def _walk(material: Material, steps: int) -> tuple[Floats, Floats]:
-    """Return stress and energy lost over a random walk of the strain, every leg in some steps."""
+    """Return stress and dissipation over a random strain path with several steps per segment."""
     time = float(np.median([branch.time for branch in material.branches()]))  # type: ignore[attr-defined]
     gradient, state = np.zeros((3, 3)), None
     stress, energy = np.zeros((3, 3)), 0.0
@@ -247,22 +247,22 @@ def _walk(material: Material, steps: int) -> tuple[Floats, Floats]:
 
 
 def same_in_two_steps(material: Material) -> CheckResult:
-    """Check that a strain that changes evenly ends in the same stress in one step or in two."""
+    """Check that a linear strain change gives the same stress in one step as in two."""
     once, twice = _walk(material, 1)[0], _walk(material, 2)[0]
     return CheckResult(
         name="same in two steps",
-        requirement="a strain that changes evenly ends in the same stress in one step or two",
+        requirement="a linear strain change gives the same stress in one step as in two",
         value=float(np.abs(once - twice).max()) / (_scale(material) * SMALL),
         bound=1e-10,
     )
 
 
 def loses_energy(material: Material) -> CheckResult:
-    """Check that deforming never gives energy back that was not stored."""
+    """Check that the dissipation is never negative."""
     lost = _walk(material, 64)[1]
     return CheckResult(
         name="loses energy",
-        requirement="relaxation loses energy, whatever the strain's history",
+        requirement="the dissipation of relaxation is not negative for any strain history",
         value=max(0.0, -float(lost.min())) / (_scale(material) * SMALL**2),
         bound=0.0,
     )

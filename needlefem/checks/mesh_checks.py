@@ -1,4 +1,4 @@
-"""Properties of a discretised tissue: patch test, null space, reciprocity, energy identity."""
+"""Checks of a discretised tissue (the preflight), and of a needle on its mesh."""
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
@@ -23,16 +23,16 @@ from needlefem.mesh.surface import Entry
 from needlefem.scene import BoxMesh, Scene
 
 NEARLY_INCOMPRESSIBLE = 0.499999
-"""Stands for incompressible tissue where a check changes its volume."""
+"""Poisson's ratio instead of 1/2 in checks that change the volume of incompressible tissue."""
 NO_RESPONSE = (
-    "hold the tissue in [supports.NAME], but not all of it, and check the units of the moduli; "
-    "if they are right, take smaller elements or another element"
+    "add supports [supports.NAME] that leave a part of the tissue free, and check the units of the "
+    "moduli; if they are correct, use smaller elements or another element"
 )
-"""What to do where responses of the tissue are wrong or none."""
+"""Remedy if the compliance of the tissue is wrong or zero."""
 
 
 def linear_gradient(dim: int) -> Floats:
-    """Return the gradient of `linear_field`: all strains and a rotation."""
+    """Return the gradient of `linear_field`, which contains all strains and a rotation."""
     return 1e-2 * (np.arange(1, dim * dim + 1).reshape(dim, dim) - 2.5) / dim
 
 
@@ -65,9 +65,9 @@ def patch_error(
     plane: str = "strain",
     space: FunctionSpace | None = None,
 ) -> float:
-    """Return the largest relative error of a linear field prescribed on the whole boundary.
+    """Return the largest relative error for a linear field prescribed on the boundary.
 
-    The strain is then constant and must be met exactly inside, whatever the mesh
+    The strain is then constant and must be represented exactly inside of any mesh
     (B. Irons, A. Razzaque 1972; O. C. Zienkiewicz, R. L. Taylor, The Finite Element Method).
     """
     problem = BoundaryValueProblem(mesh, element, material, plane, space)
@@ -77,9 +77,9 @@ def patch_error(
 def traction_patch_error(
     mesh: SkfemMesh, element: ElementType, material: Material, plane: str = "strain"
 ) -> float:
-    """Return the largest relative error of a linear field that tractions alone produce.
+    """Return the largest relative error of a linear field that is caused by tractions alone.
 
-    Only rigid motions are held, at two nodes (three in space).
+    Only rigid motions are fixed, at two nodes (three in 3D).
     """
     problem = BoundaryValueProblem(mesh, element, material, plane)
     stress = constant_stress(material, linear_gradient(mesh.dim()), plane)
@@ -91,7 +91,7 @@ def traction_patch_error(
 
 
 def statically_determinate(nodes: Floats) -> list[tuple[int, tuple[int, ...]]]:
-    """Return nodes and the axes to hold there, so that rigid motions alone are stopped."""
+    """Return nodes and axes whose supports prevent rigid motions only."""
     dim = nodes.shape[1]
     low = int(np.argmin(nodes.sum(axis=1)))
     along = int(np.argmax(nodes[:, 0] - np.abs(nodes[:, 1:] - nodes[low, 1:]).sum(axis=1)))
@@ -107,55 +107,55 @@ def _off(solved: StaticSolution) -> float:
 
 
 def patch(model: TissueModel) -> CheckResult:
-    """Check the patch test on the model's mesh with its least compressible law throughout.
+    """Check the patch test on the model's mesh, with its least compressible law everywhere.
 
-    The bound leaves room for the round-off of large and stretched meshes; a wrong element
-    misses by a thousandth and more.
+    The bound allows for the round-off of large and distorted meshes; the error of a wrong element
+    is a thousandth or more.
     """
     worst = max(model.materials.values(), key=lambda m: volumetric_split(m).poissons_ratio)
     if plane_volumetric_split(worst, model.plane).compressibility == 0.0:
         worst = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
     return CheckResult(
         name="patch",
-        requirement="a constant strain is met exactly, whatever the mesh",
+        requirement="a constant strain is represented exactly on any mesh",
         value=patch_error(model.mesh, model.element, worst, model.plane, model),
         bound=1e-9,
     )
 
 
 def rigid_motion(model: TissueModel) -> CheckResult:
-    """Check that rigid motions of the tissue as it is cost no force."""
+    """Check that rigid motions of the unsupported tissue cause no force."""
     stiffness, motions = model.stiffness, model.rigid_motions
     force = np.linalg.norm(stiffness.matrix @ motions, axis=0)
     scale = float(np.abs(stiffness.matrix.data).max()) * np.linalg.norm(motions, axis=0)
-    if not model.element.definite:  # nor do they change the volume
+    if not model.element.definite:  # they must not change the volume either
         gained = np.linalg.norm(stiffness.coupling @ motions, axis=0)
         volume = float(np.abs(stiffness.coupling.data).max()) * np.linalg.norm(motions, axis=0)
         force, scale = np.append(force, gained), np.append(scale, volume)
     return CheckResult(
         name="rigid motion",
-        requirement="translations and rotations cost no force",
+        requirement="translations and rotations cause no force",
         value=float(np.max(force / scale)),
         bound=1e-12,
     )
 
 
 def spectrum(stiffness: Stiffness) -> Floats:
-    """Return the eigenvalues of K, unsupported, over the largest, rising (small problems)."""
+    """Return the eigenvalues of K without supports, relative to the largest, rising (small K)."""
     dense = stiffness.dense()
     values = np.linalg.eigvalsh(0.5 * (dense + dense.T))
     return np.asarray(values / values[-1], dtype=float)
 
 
 def zero_modes(model: TissueModel) -> int:
-    """Return how many eigenvalues of K, unsupported, are zero (below 1e-12 of the largest)."""
+    """Return the number of zero eigenvalues of K without supports (below 1e-12 of the largest)."""
     return int(np.sum(np.abs(spectrum(model.stiffness)) < 1e-12))
 
 
 def _probe_loads(model: TissueModel) -> Floats:
-    """Return loads at two cells' centroids, one along every axis, shape (ndofs, 2 dim).
+    """Return unit loads along all axes at the centroids of two cells, shape (ndofs, 2 dim).
 
-    The first cells from a third and from two thirds of the mesh on of which nothing is held.
+    The cells are the first free ones after a third and after two thirds of the mesh.
     """
     held = np.zeros(model.ndofs, dtype=bool)
     held[model.held_dofs] = True
@@ -172,12 +172,12 @@ def _probe_loads(model: TissueModel) -> Floats:
 
 
 def _relative(error: float, largest: float) -> float:
-    """Return a relative error; not a number where tissue that does not move has no response."""
+    """Return a relative error, or NaN if the tissue does not move."""
     return float(error / largest) if largest > 0.0 else float("nan")
 
 
 def reciprocity(model: TissueModel) -> CheckResult:
-    """Check Betti's theorem: the response at A to a force at B is that at B to one at A."""
+    """Check Betti's theorem: displacement at A due to a force at B, and the reverse, are equal."""
     forces = _probe_loads(model)
     return _reciprocity(forces, model.solve(forces))
 
@@ -187,7 +187,7 @@ def _reciprocity(forces: Floats, moved: Floats) -> CheckResult:
     apart = _relative(np.abs(responses - responses.T).max(), np.abs(responses).max())
     return CheckResult(
         name="reciprocity",
-        requirement="responses between two points are symmetric (Betti)",
+        requirement="the compliance between two points is symmetric (Betti)",
         value=apart,
         bound=1e-9,
         remedy=NO_RESPONSE,
@@ -195,7 +195,7 @@ def _reciprocity(forces: Floats, moved: Floats) -> CheckResult:
 
 
 def energy_identity(model: TissueModel) -> CheckResult:
-    """Check that strain energy changes by the mean force's work between two loaded states."""
+    """Check that the change of strain energy equals the work of the mean force."""
     loads = _probe_loads(model)[:, :2]
     return _energy_identity(model, loads, model.solve(loads))
 
@@ -215,10 +215,10 @@ def _energy_identity(model: TissueModel, loads: Floats, responses: Floats) -> Ch
 
 
 def covering(model: TissueModel) -> CheckResult:
-    """Check that the cells cover the tissue once: their measures add up to what they enclose.
+    """Check that the sum of the cells' measures equals the measure of the enclosed region.
 
-    scikit-fem takes the absolute value of the Jacobian, so that a cell which is turned over,
-    and lies on its neighbours, passes silently.
+    scikit-fem uses the absolute value of the Jacobian, so that an inverted cell, which overlaps its
+    neighbours, would not be detected.
     """
     mesh, dim = model.mesh, model.dim
     cells = cell_measures(mesh).sum()
@@ -231,14 +231,14 @@ def covering(model: TissueModel) -> CheckResult:
     enclosed /= 2.0 if dim == 2 else 6.0
     return CheckResult(
         name="covering",
-        requirement="the cells cover the tissue once: none is turned over",
+        requirement="the cells cover the tissue once: none is inverted",
         value=float(abs(cells - enclosed) / cells),
         bound=1e-9,
     )
 
 
 def cell_shape(model: TissueModel) -> CheckResult:
-    """Check that no cell is flat or concave: squared longest edge over the smallest Jacobian."""
+    """Check that no cell is flat or concave, by squared longest edge over smallest Jacobian."""
     corners = cell_corners(model.mesh)
     longest = np.max(np.linalg.norm(corners - corners[:, :1], axis=2), axis=1)
     jacobians = corner_jacobians(model.mesh)
@@ -253,15 +253,15 @@ def cell_shape(model: TissueModel) -> CheckResult:
 
 
 def overlaps(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> Iterator[str]:
-    """Yield a sentence for regions that overlap by more than a cell, neither in the other.
+    """Yield a sentence for each pair of regions that overlap by more than a cell.
 
-    A region inside an earlier one is meant to replace it there and is not told.
+    A region inside of an earlier one replaces it there on purpose; no sentence is returned.
 
     Parameters
     ----------
     mesh : skfem.Mesh
     contours : mapping of str to Contour
-        Of the regions, in the order of the case.
+        Contours of the regions in the order of the case.
     """
     centroids: Floats | None = None
     for (one, first), (other, second) in combinations(contours.items(), 2):
@@ -282,12 +282,12 @@ def overlaps(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> Iterator[str]:
 
 
 def preflight(model: TissueModel) -> tuple[CheckResult, ...]:
-    """Run the checks that a tissue must pass before it is planned on, in milliseconds.
+    """Return the results of the checks before an insertion or a plan; they take milliseconds.
 
     Raises
     ------
     CaseError
-        The mesh is not one body whose cells cover it once; see `refuse_unsound`.
+        The mesh is not one body without overlaps; see `refuse_unsound`.
     """
     refuse_unsound(model.mesh, "mesh")
     first = covering(model), cell_shape(model), patch(model), rigid_motion(model)
@@ -300,29 +300,29 @@ def preflight(model: TissueModel) -> tuple[CheckResult, ...]:
     )
 
 
-# Properties of a scene's needle on its mesh, and what these checks know of a simulation.
+# Checks of a scene's needle on its mesh.
 
 
 SAMPLES = 200
-"""Points of the needle's line at which cells are looked up."""
+"""Number of points on the insertion axis whose cells are searched."""
 
 
 class NeedleInTissue(Protocol):
-    """A scene's needle and tissue, ready for insertions."""
+    """A scene's needle and tissue for insertions."""
 
     scene: Scene
     model: TissueModel
     direction: Vector
 
     def reach(self, entry: Entry) -> float:
-        """Return the largest depth of the scene's motion that is in the tissue, m."""
+        """Return the largest depth of the scene's motion inside of the tissue, m."""
         ...
 
 
 def sizes_along(simulation: NeedleInTissue, entry: Entry) -> Vector:
-    """Return the sizes of the cells that a needle meets, m; empty if it meets none.
+    """Return the sizes of the cells on the insertion axis, m; empty if there are none.
 
-    The cells on its line count, as deep as the scene's motion goes.
+    Cells up to the largest depth of the scene's motion are considered.
     """
     model = simulation.model
     depths = np.linspace(0.0, simulation.reach(entry), SAMPLES)[1:]
@@ -333,10 +333,11 @@ def sizes_along(simulation: NeedleInTissue, entry: Entry) -> Vector:
 
 
 def needle_resolution(simulation: NeedleInTissue, entry: Entry) -> CheckResult:
-    """Check that the mesh is not blind to the needle: elements of at most four tip radii.
+    """Check that the elements along the needle are at most four tip radii large.
 
-    Accurate answers need nodes half a tip radius apart, of which `resolve` warns; beyond four
-    radii the mesh alone decides where the needle goes. The cells on the needle's own line count.
+    Accurate results need a node distance of half a tip radius, for which `resolve` gives a warning.
+    Above four radii the mesh determines the path of the needle. Only cells on the insertion axis
+    are considered.
     """
     radius, largest = simulation.scene.needle.tip_radius, sizes_along(simulation, entry)
     size = float(largest.max(initial=0.0)) if largest.size else np.inf

@@ -1,4 +1,4 @@
-"""Plain tissues for checks and reference problems."""
+"""Simple tissues, manufactured solutions and eigenfrequencies for checks and problems."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +21,7 @@ ONE_SIDE: Mapping[str, Support] = {"one side": Support(faces=("y_min",))}
 def square_mesh(
     element: ElementType, divisions: int, size: tuple[float, float] = (1.0, 1.0)
 ) -> SkfemMesh:
-    """Return a rectangle at the origin of triangles or quadrilaterals, as the element needs."""
+    """Return a mesh of a rectangle at the origin with the element's kind of cells."""
     pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
     return box((0.0, 0.0), size, (divisions, divisions), pattern)
 
@@ -33,10 +33,10 @@ def mapped_mesh(
     *,
     bent: bool = False,
 ) -> SkfemMesh:
-    """Return the unit square's grid moved by a function of its points, (n, 2) to (n, 2).
+    """Return a grid of the unit square, mapped by a function from (n, 2) to (n, 2).
 
-    Polar coordinates, a tapered panel, a graded square: anything with four sides. `bent` also
-    moves the middles of edges, so that cells follow curved sides.
+    Any shape with four sides is possible. With `bent`, midside nodes are mapped as well, so that
+    cells have curved edges.
     """
     pattern = "quadrilateral" if element.cell == "quadrilateral" else "diagonal"
     mesh = box((0.0, 0.0), (1.0, 1.0), divisions, pattern)
@@ -45,17 +45,17 @@ def mapped_mesh(
 
 
 def for_bent_cells(element: ElementType) -> ElementType:
-    """Return the element with a finer rule: on curved cells its own is a reduced integration."""
+    """Return the element with a finer rule; on curved cells its own would be a reduced one."""
     rule = simplex(6) if element.cell == "triangle" else gauss(4)
     return dataclasses.replace(element, stiffness_rule=rule)
 
 
 def joined(parts: Sequence[SkfemMesh]) -> SkfemMesh:
-    """Return one mesh of several that share whole edges: points that coincide become one."""
+    """Return one mesh of several meshes with common edges; coincident points are merged."""
     points = np.hstack([part.p for part in parts])
     starts = np.cumsum([0, *(part.nvertices for part in parts)])
     cells = np.hstack([part.t + start for part, start in zip(parts, starts, strict=False)])
-    near = np.round(points / np.ptp(points), 9) + 0.0  # -0.0 and 0.0 are one number
+    near = np.round(points / np.ptp(points), 9) + 0.0  # -0.0 and 0.0 become equal
     _, first, number = np.unique(near, axis=1, return_index=True, return_inverse=True)
     return type(parts[0])(np.ascontiguousarray(points[:, first]), number.ravel()[cells])
 
@@ -79,7 +79,7 @@ def rectangle(
     *,
     plane: str = "strain",
 ) -> TissueModel:
-    """Return a uniform rectangle of the element's cells, `divisions` along every side."""
+    """Return a uniform rectangle of the element's cells with `divisions` along each side."""
     mesh = square_mesh(element, divisions, size)
     named = name_faces(name_regions(mesh, {}), ("y", "z"))
     return TissueModel(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)
@@ -93,9 +93,9 @@ def tissue(
     *,
     plane: str = "strain",
 ) -> TissueModel:
-    """Return a tissue of one material on any mesh, held where its outer edges' middles say.
+    """Return a tissue of one material on a mesh, fixed at outer edges selected by midpoints.
 
-    Without `held` it floats.
+    Without `held` the tissue has no supports.
     """
     named = name_regions(mesh, {})
     if held is None:
@@ -108,10 +108,8 @@ def tissue(
     return TissueModel(named, element, {BACKGROUND: material}, supports, ("y", "z"), plane=plane)
 
 
-# Smooth displacements with known derivatives, to load a tissue with what they need.
-#
-# Manufactured solutions (P. J. Roache 2002): any field is exact under the body force that its
-# stress leaves over.
+# Smooth displacement fields with known derivatives. Each of them is an exact solution under its own
+# body force (manufactured solutions, P. J. Roache 2002).
 
 
 PI = np.pi
@@ -119,7 +117,7 @@ PI = np.pi
 
 @dataclasses.dataclass(frozen=True)
 class Manufactured:
-    """A displacement of the unit square.
+    """A displacement field on the unit square.
 
     Parameters
     ----------
@@ -136,7 +134,7 @@ class Manufactured:
     hessian: Callable[[Points], Floats]
 
     def body_force(self, stiffness: Floats) -> Callable[[Points], Floats]:
-        """Return the body force that a Voigt stiffness (3, 3) needs, at points (n, 2)."""
+        """Return the body force of the field for a Voigt stiffness (3, 3), at points (n, 2)."""
         number = np.array([[0, 2], [2, 1]])
         tangent = stiffness[number[:, :, None, None], number[None, None]]
 
@@ -174,7 +172,7 @@ def _hessian(points: Points) -> Floats:
 
 
 GENERAL = Manufactured(_displacement, _gradient, _hessian)
-"""``(sin pi x sin pi y + x y / 5, cos pi x y (1 - y) + x^2 / 3)``: all strains, and volume."""
+"""``(sin pi x sin pi y + x y / 5, cos pi x y (1 - y) + x^2 / 3)``: general, with volume change."""
 
 
 def _turning(points: Points) -> Floats:
@@ -196,7 +194,7 @@ def _turning_hessian(points: Points) -> Floats:
 
 
 ISOCHORIC = Manufactured(_turning, _turning_gradient, _turning_hessian)
-"""``(sin pi x cos pi y, -cos pi x sin pi y)``: no change of volume, to see locking with."""
+"""``(sin pi x cos pi y, -cos pi x sin pi y)``: constant volume, for the detection of locking."""
 
 
 # Eigenfrequencies of a tissue.
@@ -208,7 +206,7 @@ def eigenfrequencies(model: TissueModel, count: int) -> Floats:
 
 
 BOX = (1.5, 1.0)
-"""Sides of the sliding box: no two of its lowest frequencies are alike."""
+"""Sides of the sliding box; its lowest frequencies are all different."""
 
 
 def sliding_box(
@@ -225,8 +223,8 @@ def sliding_box(
 def box_frequencies(stiffness: Floats, density: float, count: int) -> tuple[Floats, Floats]:
     """Return the lowest angular frequencies of the sliding box, 1/s, and wave numbers, 1/m.
 
-    ``(A sin kx x cos ky y, B cos kx x sin ky y)`` fulfils all conditions when shear and normal
-    strains don't mix: two waves for every pair of wave numbers (E. B. Christoffel 1877).
+    ``(A sin kx x cos ky y, B cos kx x sin ky y)`` satisfies all conditions if shear and normal
+    strains are not coupled: two waves for each pair of wave numbers (E. B. Christoffel 1877).
     """
     waves: list[tuple[float, float]] = []
     for i, j in np.ndindex(count + 1, count + 1):
@@ -237,7 +235,7 @@ def box_frequencies(stiffness: Floats, density: float, count: int) -> tuple[Floa
         if i and j:
             both = np.linalg.eigvalsh([[first, mixed], [mixed, second]])
             waves += [(float(square), float(np.hypot(k, m))) for square in both]
-        elif i or j:  # a pressure wave along an axis; its shear twin does not fulfil the sides
+        elif i or j:  # a pressure wave along an axis; the shear wave violates the side conditions
             waves.append((float(first if i else second), float(np.hypot(k, m))))
     lowest = np.array(sorted(waves)[:count])
     return np.sqrt(lowest[:, 0] / density), lowest[:, 1]

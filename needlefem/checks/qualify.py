@@ -1,4 +1,4 @@
-"""What an element and a law are worth: every check that applies, each with its name."""
+"""All checks of an element with a law."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ from needlefem.materials import Isotropic, Material, plane_volumetric_split
 def check_element_material(
     element: ElementType, material: Material, plane: str = "strain"
 ) -> tuple[CheckResult, ...]:
-    """Run every check that applies to an element and a law in the plane.
+    """Return the results of all checks of an element and a law in the plane.
 
     Parameters
     ----------
@@ -27,8 +27,8 @@ def check_element_material(
 
     Returns
     -------
-    The checks of the law, of the element's functions, and of both together. When a law or an
-    element fails its own, what they do together is not run: it would only repeat the failure.
+    The checks of the law, of the element, and of both together. If the law or the element fails its
+    own checks, the others are omitted, because they would fail for the same reason.
     """
     own = (*check_law(material), *element_checks.check_shape(element))
     if not all(check.passed for check in own):
@@ -39,9 +39,9 @@ def check_element_material(
 def _together(element: ElementType, material: Material, plane: str) -> list[CheckResult]:
     law = plane_volumetric_split(material, plane)
     if element.definite and law.compressibility == 0.0:
-        return [outcome("incompressibility", "an incompressible law meets a mixed element", 1.0, 0)]
+        return [outcome("incompressibility", "an incompressible law needs a mixed element", 1.0, 0)]
     mild = material
-    if law.compressibility == 0.0:  # what changes its volume needs a volume that can change
+    if law.compressibility == 0.0:  # checks with volume changes need a compressible law
         mild = Isotropic(youngs_modulus=1e4, poissons_ratio=NEARLY_INCOMPRESSIBLE)
     found = [
         *element_checks.patches(element, mild, plane, plane_volumetric_split(mild, plane)),

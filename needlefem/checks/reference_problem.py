@@ -1,4 +1,4 @@
-"""Reference problems: a question, its known answers, and two verdicts on each."""
+"""Reference problems: quantities, reference values, tolerances, and records of earlier runs."""
 
 import dataclasses
 import importlib.util
@@ -15,28 +15,28 @@ from needlefem.errors import CaseError, nearest
 from needlefem.fem.boundary_value_problem import StaticSolution
 
 OTHER_FOLDERS = ("support", "studies", "benchmarks")
-"""Subfolders of a folder of problems in which no problems are."""
+"""Subfolders of a folder of problems that contain no problems."""
 RECORD_TOLERANCE = 1e-8
-"""Change against the own record, relative, that counts as a change of the code."""
+"""Largest relative difference from the record of an earlier run."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """One number and what it must be.
+    """A computed number with its reference value and tolerance.
 
     Parameters
     ----------
     label : str
     value : float
     reference : float
-        The known answer; 0 for an error that must vanish.
+        Reference value; 0 for an error.
     tolerance : float
-        Largest distance to the reference; relative, unless the reference is 0.
+        Largest distance from the reference; relative, unless the reference is 0.
     recorded : bool
-        Whether the number is kept as own record (round-off is not worth recording).
+        Whether the number is compared with a record (round-off is not).
     at_least : bool
-        The value must be no less than the reference: a failure that is expected, such as the
-        locking of an element.
+        The reference is a lower bound. It is used for expected failures, such as the locking of an
+        element.
     """
 
     label: str
@@ -48,7 +48,7 @@ class Quantity:
 
     @property
     def distance(self) -> float:
-        """Distance to the reference, relative unless that is 0; none beyond an `at_least`."""
+        """Distance from the reference, relative unless that is 0; 0 above an `at_least`."""
         if self.at_least and self.value >= self.reference:
             return 0.0
         apart = abs(self.value - self.reference)
@@ -56,29 +56,29 @@ class Quantity:
 
     @property
     def passed(self) -> bool:
-        """Whether the reference is met (NaN never is)."""
+        """Whether the value is within the tolerance (never for NaN)."""
         return self.distance <= self.tolerance
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Curve:
-    """An error on finer and finer meshes.
+    """An error under mesh refinement.
 
     Parameters
     ----------
     element : str
     quantity : str
-        What is wrong by `errors`, such as "displacement, L2".
+        Name of the error, such as "displacement, L2".
     sizes : tuple of float
         Element size, in any unit.
     dofs : tuple of int
-        Unknowns solved for.
+        Number of unknowns.
     seconds : tuple of float
-        Of assembly and solution.
+        Time of assembly and solution.
     errors : tuple of float
         Relative, positive.
     order : float, optional
-        What theory says of ``error ~ size^order``.
+        Theoretical order of ``error ~ size^order``.
     """
 
     element: str
@@ -98,7 +98,7 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Shape:
-    """A deformed mesh worth looking at.
+    """A deformed mesh for the report.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class Shape:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ProblemResult:
-    """What a problem's run found."""
+    """Quantities, curves and shapes of a problem's run."""
 
     quantities: Sequence[Quantity]
     curves: Sequence[Curve] = ()
@@ -130,16 +130,16 @@ class Problem:
     ----------
     name : str
     requirement : str
-        What the software shall do.
+        What is required of the software.
     reference : str
-        Where the known answer comes from: formula, author, year.
+        Source of the reference value: formula, author, year.
     tolerance_rationale : str
-        Why the tolerance is what it is.
+        Reason for the tolerance.
     run : callable
-        Takes whether to be quick (coarse meshes, seconds) and returns the findings. Answers of
-        a quick run are among those of a whole one, under the same labels.
+        Takes whether the run is quick (coarse meshes, seconds) and returns the result. A quick run
+        returns a subset of the quantities with the same labels.
     races : sequence of WorkPrecision
-        What it is good for as a benchmark.
+        Benchmarks that use the problem.
     """
 
     name: str
@@ -152,7 +152,7 @@ class Problem:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """An answer with both verdicts; `record` is None for what is not worth recording."""
+    """A quantity with both comparisons; `record` is None if it is not recorded."""
 
     problem: str
     answer: Quantity
@@ -161,17 +161,17 @@ class Verdict:
 
     @property
     def passed(self) -> bool:
-        """Whether reference and record are met."""
+        """Whether the quantity agrees with reference and record."""
         return self.answer.passed and self.record is not False
 
 
 def load_problems(folder: Path, names: Sequence[str] = ()) -> list[Problem]:
-    """Return the problems of a folder and of its subfolders, each from a file's ``PROBLEM``.
+    """Return the problems of a folder and its subfolders; each file defines ``PROBLEM``.
 
     Raises
     ------
     CaseError
-        No such folder, or an unknown name.
+        The folder does not exist, or a name is unknown.
     """
     files = [*sorted(folder.glob("[a-z]*.py")), *sorted(folder.glob("[a-z]*/[a-z]*.py"))]
     files = [file for file in files if file.parent.name not in OTHER_FOLDERS]
@@ -187,7 +187,7 @@ def load_problems(folder: Path, names: Sequence[str] = ()) -> list[Problem]:
 
 
 def make_importable(folder: Path) -> None:
-    """Let Python find the package that a folder of problems is: what its files share."""
+    """Make the folder of problems importable as a package, for its common files."""
     place = str(folder.resolve().parent)
     if place not in sys.path:
         sys.path.append(place)
@@ -207,7 +207,7 @@ def _load(file: Path) -> Problem:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Report:
-    """A problem, its findings and the verdicts on its answers."""
+    """A problem, its result, and the comparisons of its quantities."""
 
     problem: Problem
     findings: ProblemResult
@@ -216,7 +216,7 @@ class Report:
 
 
 def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool = False) -> Report:
-    """Run a problem and judge every answer against reference and own record."""
+    """Run a problem and compare each quantity with reference and record."""
     doing(problem.name)
     start = time.perf_counter()
     findings = problem.run(quick)
@@ -226,7 +226,7 @@ def run_problem(problem: Problem, records: Mapping[str, float], *, quick: bool =
 def judged(
     problem: Problem, findings: ProblemResult, records: Mapping[str, float], seconds: float
 ) -> Report:
-    """Judge what a problem's run found against reference and own record."""
+    """Compare the result of a problem's run with references and records."""
     verdicts = [
         Verdict(
             problem=problem.name,
@@ -240,7 +240,7 @@ def judged(
 
 
 def _same(answer: Quantity, record: float | None) -> bool | None:
-    """Say whether an answer is as recorded; an error (reference 0) is compared as it is."""
+    """Return whether a quantity agrees with its record; errors are compared absolutely."""
     if not answer.recorded:
         return None
     if record is None:
@@ -250,7 +250,7 @@ def _same(answer: Quantity, record: float | None) -> bool | None:
 
 
 def read_records(folder: Path) -> dict[str, float]:
-    """Return the own records of a folder of problems; empty if there are none yet."""
+    """Return the records of a folder of problems; empty if there are none."""
     file = folder / "records.json"
     if not file.exists():
         return {}
@@ -259,5 +259,5 @@ def read_records(folder: Path) -> dict[str, float]:
 
 
 def records_of(verdicts: Sequence[Verdict]) -> dict[str, float]:
-    """Return the numbers to keep as own record."""
+    """Return the numbers to be stored as records."""
     return {f"{v.problem}: {v.answer.label}": v.answer.value for v in verdicts if v.answer.recorded}

@@ -1,4 +1,4 @@
-"""What a check says."""
+"""Results of checks."""
 
 import dataclasses
 import math
@@ -9,19 +9,19 @@ from needlefem.errors import CheckFailedError
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class CheckResult:
-    """The outcome of one check.
+    """Result of one check.
 
     Parameters
     ----------
     name : str
     requirement : str
-        What must hold, in a sentence.
+        Requirement as a sentence.
     value : float
-        What was measured.
+        Measured value.
     bound : float
-        What it may be at most.
+        Largest allowed value.
     remedy : str
-        What to do where it does not hold.
+        What to do if the check fails.
     """
 
     name: str
@@ -32,12 +32,12 @@ class CheckResult:
 
     @property
     def passed(self) -> bool:
-        """Whether the value is within the bound (NaN never is)."""
+        """Whether the value is within the bound (never for NaN)."""
         return self.value <= self.bound
 
 
 def refuse_failed(checks: Sequence[CheckResult]) -> None:
-    """Raise a `CheckFailedError` that names the first check that failed, if any did."""
+    """Raise a `CheckFailedError` with the first failed check, if there is one."""
     failed = [check for check in checks if not check.passed]
     if not failed:
         return
@@ -50,5 +50,5 @@ def refuse_failed(checks: Sequence[CheckResult]) -> None:
 
 
 def outcome(name: str, requirement: str, value: float, bound: float) -> CheckResult:
-    """Return a check's result."""
+    """Return the result of a check."""
     return CheckResult(name=name, requirement=requirement, value=float(value), bound=bound)

@@ -1,4 +1,4 @@
-"""Races: one problem solved by many, each on finer and finer levels; error against seconds."""
+"""Work-precision comparisons: one problem, several methods, error against seconds."""
 
 import dataclasses
 import math
@@ -10,30 +10,30 @@ from needlefem.elements import CATALOGUE, ElementType
 from needlefem.scene.resolve import cheapest
 
 ELEMENTS, INTEGRATORS = "elements", "integrators"
-"""What races are about."""
+"""Subjects of the comparisons."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WorkPrecision:
-    """A problem for many.
+    """A problem that is solved by several methods.
 
     Parameters
     ----------
     title, quantity : str
         Such as "thick cylinder, nu 0.3" and "displacement, L2".
     about : str
-        What the entrants are: `ELEMENTS` or `INTEGRATORS`.
+        Kind of the methods: `ELEMENTS` or `INTEGRATORS`.
     entrants : mapping
-        Solves a level, the finer the higher, by name; that is what is timed.
+        Functions by name that solve a level; a higher level is finer. They are timed.
     levels : sequence of int
     measure : callable
-        Returns unknowns and relative error of what an entrant returned.
+        Returns unknowns and relative error of the result of an entrant.
     target : float
-        The error that a user would want.
+        Typical required error.
     group : str
-        What kind of problem it is: the package chooses by that.
+        Kind of the problem, on which the default of the package depends.
     defaults : tuple of str
-        Entrants that it would choose, each among those in its `rivals`.
+        Entrants that are defaults of the package, each from its `rivals`.
     rivals : sequence of sequences of str
         Entrants to choose among (elements on the same cells); all when empty.
     """

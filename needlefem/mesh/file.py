@@ -89,7 +89,6 @@ class PlaneMesh:
 
     Parameters
     ----------
-    Subdomains and boundaries are the groups of the file; some cells may be in no subdomain.
     mesh : skfem.Mesh
         Subdomains and boundaries are the file's groups; cells in no group are in no subdomain.
     axes : tuple of str

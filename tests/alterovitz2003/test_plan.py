@@ -37,7 +37,7 @@ def test_paper_plan_ends_near_ours_and_says_what_it_spent(coarse: Scene) -> None
 def test_forces_at_nodes_are_warned_of(coarse: Scene) -> None:
     narrow = vary(coarse, {"planning.offset_range": (0.0, 1e-4)})
     warnings = " ".join(paper_plan(narrow).plan.evidence.warnings)
-    assert "forces act on nodes: the answer drifts with every refinement" in warnings
+    assert "forces act on nodes: the result does not converge under refinement" in warnings
 
 
 def test_insertion_reads_like_a_march(coarse: Scene) -> None:
