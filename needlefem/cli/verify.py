@@ -63,7 +63,9 @@ def _refuse_unused(options: argparse.Namespace) -> None:
         if options.names:
             raise CaseError(options.names[0], "would be ignored: no problem is run", "leave it out")
         why = "no problem is run where something is qualified"
-        refuse_unused_options(options, [(name, why) for name in ("quick", "update_baseline", "report")])
+        refuse_unused_options(
+            options, [(name, why) for name in ("quick", "update_baseline", "report")]
+        )
         return
     if options.settings:
         problem = "would be ignored: problems have no constants to set"

@@ -1,7 +1,8 @@
-"""Line segments in the plane, found by where they are at a cost of n log n.
+"""Closed contours in the plane, and a fast search among line segments.
 
-A binary tree of bounding boxes over the segments in their order: neighbours in the order should
-be neighbours in the plane, as along a polygon; `along_a_curve` orders others so.
+A binary tree of bounding boxes makes the cost of a search proportional to n log n. Consecutive
+segments should be neighbours in the plane, as in a polygon; `along_a_curve` sorts others in this
+way.
 """
 
 import dataclasses
@@ -14,16 +15,16 @@ from needlefem._arrays import Bools, Floats, Ints, Points
 from needlefem.errors import CaseError
 
 AT_ONCE = 400_000
-"""Pairs of a query and a box that are looked at at once: bounds the memory."""
+"""Largest number of pairs of query and box in a batch, which limits the memory."""
 MARGIN = 1e-12
-"""Share of the size by which boxes are larger, so that round-off loses no pair."""
+"""Relative enlargement of boxes, so that round-off excludes no pair."""
 
 Keep = Callable[[int, Ints, Ints], Bools]
-"""Takes a level and pairs of query and box; says below which boxes to go on."""
+"""Takes a level and pairs of query and box; returns which boxes are searched further."""
 
 
 class SegmentTree:
-    """Bounding boxes of segments, of pairs of them, of fours, ...
+    """Bounding boxes of segments, of pairs of segments, of groups of four, etc.
 
     Parameters
     ----------
@@ -42,16 +43,16 @@ class SegmentTree:
             self.levels.append((low - self.margin, high + self.margin))
 
     def descend(self, queries: int, keep: Keep) -> Iterator[tuple[Ints, Ints]]:
-        """Yield pairs of query and segment that are below boxes which `keep` kept, in batches.
+        """Yield pairs of query and segment inside of the boxes that `keep` selects, in batches.
 
-        In a batch, and in what `keep` is asked, queries and the boxes of each rise.
+        In each batch and in the arguments of `keep`, queries rise, and so do its boxes.
 
         Parameters
         ----------
         queries : int
-            How many there are.
+            Number of queries.
         keep : callable
-            Asked at every level, the segments' own boxes (level 0) included.
+            Called at each level, including the boxes of single segments (level 0).
         """
         top = len(self.levels) - 1
         stack = [(top, np.arange(queries), np.zeros(queries, dtype=np.intp))]
@@ -74,12 +75,12 @@ class SegmentTree:
                 stack.append((level - 1, query[there], box[there]))
 
     def meeting(self, low: Points, high: Points) -> Iterator[tuple[Ints, Ints]]:
-        """Yield pairs (query, segment) whose bounding boxes meet, in batches.
+        """Yield pairs (query, segment) with intersecting bounding boxes, in batches.
 
         Parameters
         ----------
         low, high : array, shape (m, 2), m
-            Of the queries' boxes.
+            Bounding boxes of the queries.
         """
 
         def keep(level: int, query: Ints, box: Ints) -> Bools:
@@ -91,7 +92,7 @@ class SegmentTree:
         yield from self.descend(len(low), keep)
 
     def along(self, begin: Points, end: Points) -> Iterator[tuple[Ints, Ints]]:
-        """Yield pairs (query, segment) of which a query, from begin to end, meets the box.
+        """Yield pairs (query, segment) for which the query segment intersects the bounding box.
 
         Parameters
         ----------
@@ -119,7 +120,7 @@ class SegmentTree:
         def keep(level: int, query: Ints, box: Ints) -> Bools:
             lows, highs = self.levels[level]
             some = self.begin[box << level] - points[query]
-            first = np.flatnonzero(np.diff(query, prepend=-1))  # queries come in their order
+            first = np.flatnonzero(np.diff(query, prepend=-1))  # queries are in rising order
             least = np.minimum.reduceat(some[:, 0] ** 2 + some[:, 1] ** 2, first)
             bound[query[first]] = np.minimum(bound[query[first]], least)
             apart = np.maximum(lows[box] - points[query], points[query] - highs[box])
@@ -172,7 +173,7 @@ def turn(a: Points, b: Points, c: Points) -> Floats:
 
 
 def meet(a: Points, b: Points, c: Points, d: Points) -> Bools:
-    """Say which segments a-b and c-d cross or touch, shape (n,)."""
+    """Return whether segments a-b and c-d intersect or touch, shape (n,)."""
     one = np.sign(turn(a, b, c)) * np.sign(turn(a, b, d))
     two = np.sign(turn(c, d, a)) * np.sign(turn(c, d, b))
     lo, hi = np.minimum(a, b), np.maximum(a, b)
@@ -182,20 +183,20 @@ def meet(a: Points, b: Points, c: Points, d: Points) -> Bools:
 
 
 def cross(a: Points, b: Points, c: Points, d: Points) -> Bools:
-    """Say which segments a-b and c-d cross at a point inside both, shape (n,)."""
+    """Return whether segments a-b and c-d intersect at an interior point of both, shape (n,)."""
     one = np.sign(turn(a, b, c)) * np.sign(turn(a, b, d))
     two = np.sign(turn(c, d, a)) * np.sign(turn(c, d, b))
     found: Bools = (one < 0) & (two < 0)
     return found
 
 
-# Closed polygons in the plane: the outline of a region.
+# Closed polygons in the plane: outlines of regions.
 
 
 THIN = 1e-12
-"""A contour encloses nothing when its area is at most this share of its size squared."""
+"""Smallest area of a contour relative to its squared size."""
 FARTHEST = 1e4
-"""Largest coordinate of a corner, m: what is farther away has lost its unit or its exponent."""
+"""Largest coordinate of a vertex, m; larger ones have a wrong unit or exponent."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -205,8 +206,8 @@ class Contour:
     Parameters
     ----------
     points : array, shape (n, 2), m
-        Corners in order, either way round; a corner that repeats the one before it, or a last
-        one that repeats the first, is dropped.
+        Vertices in order, in either direction. A vertex that is equal to the one before it, or a
+        last one that is equal to the first, is omitted.
     """
 
     points: Points
@@ -223,13 +224,13 @@ class Contour:
 
     @property
     def area(self) -> float:
-        """Area that it encloses, m^2."""
+        """Enclosed area, m^2."""
         x, y = self.points.T
         return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
     @property
     def length(self) -> float:
-        """Length of its line, m."""
+        """Length of the closed line, m."""
         start, end = self._edges
         return float(np.sum(np.linalg.norm(end - start, axis=1)))
 
@@ -242,11 +243,11 @@ class Contour:
         return self.points, np.roll(self.points, -1, axis=0)
 
     def contains(self, points: Points) -> Bools:
-        """Say which points, shape (n, 2), lie inside (even-odd rule).
+        """Return whether points, shape (n, 2), are inside (even-odd rule).
 
-        A ray to the right meets edges. Of consecutive edges that all lie to the right it meets an
-        even number if both ends of their chain are above the point or both below: most boxes of
-        the tree need no look at their edges.
+        A ray to the right intersects edges. It intersects an even number of consecutive edges that
+        are all at the right if both ends of their chain are above the point or both below. For most
+        boxes of the tree the edges need not be evaluated.
         """
         start, end = self._edges
         tree, count = self._tree, len(start)
@@ -284,9 +285,9 @@ class Contour:
         return away
 
     def crossings(self, begin: Points, end: Points) -> Floats:
-        """Return where segments cross the polygon, as a share of each segment (NaN: nowhere).
+        """Return where segments intersect the polygon, as a share of each segment (NaN: nowhere).
 
-        Where a segment crosses several times, the crossing nearest to its middle counts.
+        Of several intersections, the one nearest to the middle of the segment is returned.
         """
         start, stop = self._edges
         found = np.full(len(begin), np.nan)
@@ -307,9 +308,9 @@ class Contour:
         return found
 
     def self_crossing(self) -> tuple[int, int] | None:
-        """Return a pair of edges (their numbers) that cross or touch, or None.
+        """Return the numbers of two edges that intersect or touch, or None.
 
-        Neighbours touch at their common corner; they count when one goes back over the other.
+        Consecutive edges touch at their common vertex; they count if one folds back on the other.
         """
         start, end = self._edges
         n = len(start)
@@ -331,7 +332,7 @@ class Contour:
         return None
 
     def meeting(self, other: "Contour") -> Points | None:
-        """Return a point where the lines of two contours cross or touch, shape (2,), or None."""
+        """Return a point where two contours intersect or touch, shape (2,), or None."""
         start, end = self._edges
         begin, stop = other._edges
         for one, two in self._tree.along(begin, stop):
@@ -378,7 +379,7 @@ class Contour:
 
 
 def _crossing_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
-    """Return where segments a-b and c-d that meet do so; of collinear ones an end."""
+    """Return the intersections of segments a-b and c-d; for collinear ones an end."""
     along, other = b - a, d - c
     det = along[0] * other[1] - along[1] * other[0]
     if abs(det) > THIN * np.linalg.norm(along) * np.linalg.norm(other):

@@ -1,4 +1,4 @@
-"""Where the plane of a case lies in the space of the scanner that its anatomy comes from."""
+"""Position of a case's plane in the coordinate system of the scanner."""
 
 import dataclasses
 from functools import cached_property
@@ -11,7 +11,7 @@ from needlefem.validation import Validated, parameter
 
 Coordinates = tuple[float, ...]
 SQUARE = 1e-6
-"""How far unit vectors may be from length 1 and from right angles."""
+"""Tolerance for the lengths of unit vectors and for right angles."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class Voxels(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImageFrame(Validated):
-    """The plane of a case in the scanner's space, and the image that was cut by it."""
+    """The plane of a case in the scanner's space, and the image from which it was taken."""
 
     TABLE = "frame"
 
@@ -87,7 +87,7 @@ class ImageFrame(Validated):
         return found
 
     def from_scanner(self, points: Points) -> Points:
-        """Return the feet of scanner coordinates in the plane, shape (..., 3) to (..., 2), m."""
+        """Return projections of scanner points on the plane, shape (..., 3) to (..., 2), m."""
         found: Points = (np.asarray(points, dtype=float) - np.array(self.origin)) @ self._axes.T
         return found
 

@@ -25,17 +25,17 @@ from needlefem.image.volume import (
 )
 
 MOST_LABELS = 256
-"""More different values than that are grey values of an image."""
+"""Largest number of different values of a label map; a file with more is a grey image."""
 LARGEST_LABEL = 2**31
 FLIPPED = {"LPS": np.array([1.0, 1.0, 1.0]), "RAS": np.array([-1.0, -1.0, 1.0])}
-"""Signs that take coordinates in LPS to a space."""
+"""Signs for the conversion of LPS coordinates to a space."""
 SEGMENTATION = "give the segmentation, not the image"
 NAMED = re.compile(r"Segment(\d{1,6})_(ID|Name|LabelValue|Layer)", re.ASCII)
 
 
 @dataclasses.dataclass(frozen=True)
 class Segment:
-    """A named structure: the voxels of a value, in one of the layers of the file."""
+    """A named structure: the voxels with a value, in one of the layers of the file."""
 
     name: str
     value: int
@@ -49,16 +49,15 @@ class LabelMap:
     Parameters
     ----------
     labels : array of integers, shape (nlayers, nk, nj, ni)
-        0 is background. Layers hold segments that overlap.
+        0 is background. Several layers contain overlapping segments.
     voxels : Voxels
-        Where they are.
+        Positions of the voxels.
     space : str
         Axes of the scanner's space, ``LPS`` or ``RAS``.
     segments : tuple of Segment
-        In the file's order; without names in the file they are called ``label-1`` and so on. No
-        two have the same name.
+        In the order of the file, with unique names; unnamed ones are ``label-1`` etc.
     remarks : tuple of str
-        Sentences on what the header leaves out.
+        Sentences about information that the header does not contain.
     """
 
     labels: Ints
@@ -68,7 +67,7 @@ class LabelMap:
     remarks: tuple[str, ...] = ()
 
     def mask(self, segment: Segment) -> Bools:
-        """Return which voxels belong to a segment, shape (nk, nj, ni)."""
+        """Return whether voxels belong to a segment, shape (nk, nj, ni)."""
         found: Bools = self.labels[segment.layer] == segment.value
         return found
 
@@ -80,18 +79,18 @@ class LabelMap:
 
 
 def read_labelmap(path: str | Path, space: str = "LPS") -> LabelMap:
-    """Read a label map: NRRD, NIfTI, MetaImage, or what else SimpleITK reads.
+    """Read a label map: NRRD, NIfTI, MetaImage, or another format of SimpleITK.
 
     Parameters
     ----------
     path : str or Path
     space : str
-        Axes in which places of the scanner are given: ``LPS`` (DICOM) or ``RAS`` (3D Slicer).
+        Axes of scanner coordinates: ``LPS`` (DICOM) or ``RAS`` (3D Slicer).
 
     Raises
     ------
     CaseError
-        The file can't be read, contradicts itself, is no volume, or holds no labels.
+        The file can't be read, contradicts itself, is no volume, or contains no labels.
     """
     path = Path(path)
     doing("reading the label map")
@@ -121,9 +120,9 @@ def _floats(values: Floats) -> tuple[float, ...]:
 
 
 def _volume(path: Path) -> tuple[Volume, str]:
-    """Return a file's volume and the header's name of its geometry; the content tells the format.
+    """Return a file's volume and the header's name of its geometry, by the content of the file.
 
-    A name that promises another format than the content has is no matter.
+    The suffix of the file may be that of another format.
     """
     begin = file_bytes(path, 4096)
     name = path.name.lower()
@@ -165,9 +164,9 @@ def _labels(volume: Volume, path: Path) -> Ints:
 def _segments(
     volume: Volume, layers: Ints, path: Path
 ) -> tuple[tuple[Segment, ...], tuple[str, ...]]:
-    """Return the segments with voxels, those that the file names first, and what there is to say.
+    """Return the segments with voxels, named ones first, and remarks.
 
-    3D Slicer names them ``SegmentN_Name``; a value without a name is called by its number.
+    3D Slicer names them ``SegmentN_Name``; the name of an unnamed value contains its number.
     """
     present = [
         (layer, int(value))

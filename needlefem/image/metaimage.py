@@ -30,9 +30,9 @@ SAME = {
     "TransformMatrix": ("TransformMatrix", "Rotation", "Orientation"),
     "BinaryDataByteOrderMSB": ("BinaryDataByteOrderMSB", "ElementByteOrderMSB"),
 }
-"""Several names of one field."""
+"""Other names of the same field."""
 SQUARE = 1e-3
-"""How far the lengths of a direction may be from 1."""
+"""Tolerance for the lengths of directions."""
 
 
 def read_metaimage(path: Path) -> Volume:
@@ -41,7 +41,7 @@ def read_metaimage(path: Path) -> Volume:
     Raises
     ------
     CaseError
-        The file is damaged, contradicts itself, says too little, or is no volume of labels.
+        The file is damaged, contradicts itself, is incomplete, or is no volume of labels.
     """
     content = file_bytes(path)
     fields, start = _header(content, path)
@@ -63,7 +63,7 @@ def read_metaimage(path: Path) -> Volume:
 
 
 def _header(content: bytes, path: Path) -> tuple[dict[str, str], int]:
-    """Return the fields, up to the one that says where the voxels are, and where it ends."""
+    """Return the fields up to the one that states the place of the voxels, and its end."""
     fields: dict[str, str] = {}
     at = 0
     while "ElementDataFile" not in fields:
@@ -122,7 +122,7 @@ def _values(fields: Mapping[str, str], rest: bytes, sizes: list[int], path: Path
 
 
 def _placed(fields: Mapping[str, str], values: np.ndarray, path: Path) -> Volume:
-    """Return the voxels where the header says; its space is LPS."""
+    """Return the voxels with the geometry of the header; the space is LPS."""
     words = _said(fields, "ElementSpacing" if "ElementSpacing" in fields else "ElementSize", path)
     spacing = _numbers(words, "ElementSpacing", 3, path)
     if not np.all(spacing > 0.0):

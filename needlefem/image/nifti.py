@@ -18,9 +18,9 @@ from needlefem.image.volume import (
 
 GZIP = b"\x1f\x8b"
 HEADERS = {348: "NIfTI-1", 540: "NIfTI-2"}
-"""By the number that a header begins with: its own size in bytes."""
+"""Formats by the first number of a header, its own size in bytes."""
 MAGIC = {b"n+1\0": False, b"ni1\0": True, b"n+2\0\r\n\x1a\n": False, b"ni2\0\r\n\x1a\n": True}
-"""Whether the voxels are in a file of their own (.img)."""
+"""Whether the voxels are in a separate file (.img)."""
 LAYOUT = {
     348: {
         "dim": (40, "8h"), "datatype": (70, "h"), "bitpix": (72, "h"), "pixdim": (76, "8f"),
@@ -35,25 +35,25 @@ LAYOUT = {
         "qoffset": (376, "3d"), "srow": (400, "12d"), "xyzt_units": (500, "i"),
     },
 }  # fmt: skip
-"""Where the fields are, and their formats, by the size of the header."""
+"""Offsets and formats of the fields, by the size of the header."""
 TYPES = {
     2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8", 256: "i1", 512: "u2", 768: "u4", 1024: "i8",
     1280: "u8",
 }  # fmt: skip
 COLOURS = {128, 2304}
 LENGTHS = {0: 1e-3, 1: 1.0, 2: 1e-3, 3: 1e-6}
-"""Lengths (m) of the units in space; 0 says nothing and is millimetres by custom."""
+"""Lengths (m) of the units in space; 0 is undefined and by custom millimetres."""
 CODES = range(6)
 TO_LPS = np.array([-1.0, -1.0, 1.0])
 """NIfTI's axes are right, anterior and superior."""
 APART = 0.5
-"""How far two statements on one voxel may differ, shortest sides of a voxel."""
+"""Largest difference of two statements about a voxel, in the shortest side of a voxel."""
 RATIO = 1e-3
-"""How far pixdim may be from the steps of the sform, relative."""
+"""Largest relative difference of pixdim from the steps of the sform."""
 
 
 class _Fields:
-    """The fields of a header, of which none is infinite or NaN but the scaling."""
+    """The fields of a header; all are finite except for the scaling."""
 
     def __init__(self, head: bytes, path: Path) -> None:
         self._path, self._head = path, head
@@ -78,7 +78,7 @@ class _Fields:
         return found
 
     def whole(self, name: str) -> int:
-        """Return a field of one whole number."""
+        """Return a field that is one integer."""
         value = self[name][0]
         if value != int(value):
             raise refusal(self._path, f"{name}: {value} is no whole number", "correct the header")
@@ -91,7 +91,7 @@ def read_nifti(path: Path) -> Volume:
     Raises
     ------
     CaseError
-        The file is damaged, contradicts itself, says too little, or is no volume of labels.
+        The file is damaged, contradicts itself, is incomplete, or is no volume of labels.
     """
     packed = file_bytes(path)
     content = inflated(packed, "gzip", 540, path, whole=False) if _zipped(packed) else packed
@@ -121,7 +121,7 @@ def _zipped(content: bytes) -> bool:
 
 
 def _beside(path: Path) -> Path:
-    """Return the file with the voxels of a header in a file of its own."""
+    """Return the file with the voxels, if the header is in a separate file."""
     plain = path.with_suffix("") if path.suffix == ".gz" else path
     names = [plain.with_suffix(".img"), plain.with_suffix(".img.gz")]
     return next((name for name in names if name.is_file()), names[0])
@@ -154,7 +154,7 @@ def _dtype(fields: _Fields, path: Path) -> np.dtype:
 
 
 def _scaled(fields: _Fields, values: np.ndarray, path: Path) -> np.ndarray:
-    """Return values with the header's scaling; a slope of 0 or NaN is none."""
+    """Return values with the header's scaling; a slope of 0 or NaN means no scaling."""
     slope, intercept = fields["scl_slope"][0], fields["scl_inter"][0]
     if slope == 0.0 or math.isnan(slope) or (slope == 1.0 and intercept == 0.0):
         return values
@@ -167,7 +167,7 @@ def _scaled(fields: _Fields, values: np.ndarray, path: Path) -> np.ndarray:
 def _geometry(
     fields: _Fields, sizes: list[int], path: Path
 ) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Return steps and origin in right, anterior, superior, m, and what the header leaves out."""
+    """Return steps and origin in RAS, m, and remarks on missing information."""
     code = fields.whole("xyzt_units") & 7
     if code not in LENGTHS:
         raise refusal(path, f"xyzt_units: {code} is no unit of length", "correct the header")
@@ -230,7 +230,7 @@ def _qform(fields: _Fields, sides: Floats, path: Path) -> tuple[Floats, Floats]:
 def _check_same(
     said: dict[str, tuple[Floats, Floats]], sizes: list[int], sides: Floats, path: Path
 ) -> None:
-    """Refuse an sform and a qform that put a corner of the grid at different places."""
+    """Raise an error for an sform and a qform with different corners of the grid."""
     ends = np.array(np.meshgrid(*[(0.0, n - 1.0) for n in sizes])).reshape(3, -1).T
     one, other = (ends @ steps + origin for steps, origin in said.values())
     apart = float(np.linalg.norm(one - other, axis=1).max())

@@ -36,7 +36,7 @@ TYPES = {
     "float32": "float",
     "float64": "double",
 }
-"""What the field `type` may say, by the type of an array."""
+"""Names of the field `type`, by the type of the array."""
 ENCODINGS = {
     "raw": "raw", "gzip": "gzip", "gz": "gzip", "bzip2": "bzip2", "bz2": "bzip2",
     "txt": "text", "text": "text", "ascii": "text", "hex": "hex",
@@ -59,11 +59,11 @@ SPACES = {
     "ras": "RAS", "left-anterior-superior": "LAS", "las": "LAS",
 }  # fmt: skip
 NAMELESS = {"3d-right-handed", "3d-left-handed", "scanner-xyz"}
-"""Spaces of three axes that are no directions of the body."""
+"""Spaces of three axes that are not anatomical directions."""
 LAYERS = {"list", "vector", "none", "???", "stub"}
-"""Kinds of an axis whose samples are layers of one volume."""
+"""Kinds of an axis along which there are layers of one volume."""
 PLACES = {"domain", "space", "none", "???"}
-"""Kinds of an axis along which voxels lie."""
+"""Kinds of an axis along which there are voxels."""
 
 
 def read_nrrd(path: Path) -> Volume:
@@ -72,7 +72,7 @@ def read_nrrd(path: Path) -> Volume:
     Raises
     ------
     CaseError
-        The file is damaged, contradicts itself, says too little, or is no volume.
+        The file is damaged, contradicts itself, is incomplete, or is no volume.
     """
     content = file_bytes(path)
     fields, keys, start = _header(content, path)
@@ -89,7 +89,7 @@ def read_nrrd(path: Path) -> Volume:
 
 
 def _header(content: bytes, path: Path) -> tuple[dict[str, str], dict[str, str], int]:
-    """Return fields, keys of the user's, and where the header ends."""
+    """Return the fields, the user's keys, and the end of the header."""
     end = re.search(rb"\r?\n\r?\n", content)
     head = content if end is None else content[: end.start()]
     if b"\0" in head:
@@ -137,7 +137,7 @@ def _words(fields: Mapping[str, str], name: str, path: Path) -> list[str]:
 
 
 def _listed(fields: Mapping[str, str], name: str, count: int, path: Path) -> list[str] | None:
-    """Return the entries of a field with one for every axis, quoted or not; None if left out."""
+    """Return the entries of a field with one entry per axis; None if it is missing."""
     if not fields.get(name):
         return None
     text = fields[name]
@@ -150,7 +150,7 @@ def _listed(fields: Mapping[str, str], name: str, count: int, path: Path) -> lis
 
 
 def _layer_axis(fields: Mapping[str, str], count: int, path: Path) -> int | None:
-    """Return the number of the axis of layers, None where there is none."""
+    """Return the number of the axis of layers, or None."""
     kinds = _listed(fields, "kinds", count, path) or ["???"] * count
     kinds = [kind.lower() for kind in kinds]
     directions = _listed(fields, "space directions", count, path)
@@ -174,7 +174,7 @@ def _layer_axis(fields: Mapping[str, str], count: int, path: Path) -> int | None
 
 
 def _values(fields: Mapping[str, str], rest: bytes, sizes: Sequence[int], path: Path) -> np.ndarray:
-    """Return the samples, the last of the file's axes first."""
+    """Return the samples; the last axis of the file is the first one."""
     said = _said(fields, "type", path).lower()
     kinds = {word: name for name, words in TYPES.items() for word in words.split(", ")}
     if said not in kinds:
@@ -214,7 +214,7 @@ def _stored(fields: Mapping[str, str], rest: bytes, path: Path) -> bytes:
 def _skipped(
     fields: Mapping[str, str], data: bytes, encoding: str, count: int, path: Path
 ) -> bytes:
-    """Return the data without the lines and bytes to skip, decompressed."""
+    """Return the decompressed data after the lines and bytes to be skipped."""
     lines = whole(fields.get("line skip", "0"), "line skip", path, 0)
     skip = whole(fields.get("byte skip", "0"), "byte skip", path, -1)
     parts = data.split(b"\n", lines)
@@ -231,9 +231,9 @@ def _skipped(
 def _geometry(
     fields: Mapping[str, str], sizes: Sequence[int], places: Sequence[int], path: Path
 ) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Return steps and origin in LPS, m, and what the header leaves out.
+    """Return steps and origin in LPS, m, and remarks on missing information.
 
-    `places` are the numbers of the axes in space, `sizes` their voxels.
+    `places` are the numbers of the axes in space, `sizes` their numbers of voxels.
     """
     count = len(places) + (len(fields["sizes"].split()) > len(places))
     remarks = []
@@ -276,7 +276,7 @@ def _vector(text: str, key: str, path: Path) -> Floats:
 
 
 def _world_units(fields: Mapping[str, str], path: Path) -> Floats:
-    """Return the lengths (m) of one unit along the axes of the space; mm where nothing is said."""
+    """Return the lengths (m) of one unit along the axes of the space; mm by default."""
     named = _listed(fields, "space units", 3, path) or ["mm"] * 3
     lengths = [unit_of(text, "space units", path) for text in named]
     for word in re.findall(r'"([^"]+)"', fields.get("units", "")):
@@ -289,7 +289,7 @@ def _world_units(fields: Mapping[str, str], path: Path) -> Floats:
 def _check_spacings(
     fields: Mapping[str, str], steps: Floats, places: Sequence[int], count: int, path: Path
 ) -> None:
-    """Refuse spacings that differ from the lengths of the directions; 'nan' says nothing."""
+    """Raise an error for spacings that differ from the lengths of directions; 'nan' is ignored."""
     words = _listed(fields, "spacings", count, path)
     for axis, step in zip(places, steps, strict=True):
         if words is None or words[axis].lower() == "nan":
@@ -303,7 +303,7 @@ def _check_spacings(
 def _spacings(
     fields: Mapping[str, str], sizes: Sequence[int], places: Sequence[int], count: int, path: Path
 ) -> tuple[Floats, Floats, list[str]]:
-    """Return steps and origin of a file without directions, m, and what is left out."""
+    """Return steps and origin, m, of a file without directions, and remarks."""
     words = _listed(fields, "spacings", count, path)
     if words is None:
         problem = "its header has neither 'space directions' nor 'spacings': voxels of no size"

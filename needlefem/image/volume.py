@@ -1,4 +1,4 @@
-"""A volume of voxels as a file states it, and what the readers of all formats check."""
+"""A volume of voxels in the geometry of its file, and checks for all formats."""
 
 import bz2
 import dataclasses
@@ -25,13 +25,13 @@ KEY = "--labelmap"
 FORMATS = "give a .nrrd, .seg.nrrd, .nii.gz or .mha"
 CONVERT = "save it as .nrrd, .nii.gz or .mha (3D Slicer does)"
 MOST_VOXELS = 500_000_000
-"""Voxels times layers that are read: what an ordinary computer holds a few times."""
+"""Largest number of voxels times layers; several copies fit into the memory of a computer."""
 SPACINGS = (1e-7, 0.1)
 """Plausible distances of voxels, m."""
 FARTHEST = 100.0
 """Largest plausible coordinate of the scanner's space, m."""
 SHEAR = 0.1
-"""How far straightening the axes may move a voxel, shortest sides of a voxel."""
+"""Largest displacement of a voxel by the orthogonalisation of axes, in its shortest side."""
 UNITS = {
     "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0,
     "cm": 1e-2, "centimeter": 1e-2, "centimetre": 1e-2,
@@ -54,15 +54,15 @@ class Volume:
     Parameters
     ----------
     values : array, shape (nlayers, nk, nj, ni)
-        As the file has them.
+        In the type of the file.
     origin : array, shape (3,), m
         Centre of the first voxel.
     steps : array, shape (3, 3), m
         Rows: from a voxel to the next along i, j and k.
     fields : mapping
-        What else the header says, by key.
+        Other information of the header, by key.
     remarks : tuple of str
-        Sentences on what the header leaves out.
+        Sentences about information that the header does not contain.
     """
 
     values: np.ndarray
@@ -83,7 +83,7 @@ def refusal(path: Path, problem: str, remedy: str = CONVERT) -> CaseError:
 
 
 def number(text: str, key: str, path: Path) -> float:
-    """Return a finite number that a header writes under a key."""
+    """Return a finite number of a header's key."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
         raise refusal(path, f"{key}: {short(text)} is no finite number", "correct the header")
@@ -91,7 +91,7 @@ def number(text: str, key: str, path: Path) -> float:
 
 
 def whole(text: str, key: str, path: Path, low: int | None = None) -> int:
-    """Return a whole number, of at least `low`, that a header writes under a key."""
+    """Return an integer of a header's key, of at least `low`."""
     if not _WHOLE.fullmatch(text) or (low is not None and int(text) < low):
         least = "" if low is None else f" of at least {low}"
         problem = f"{key}: {short(text)} is no whole number{least}"
@@ -100,7 +100,7 @@ def whole(text: str, key: str, path: Path, low: int | None = None) -> int:
 
 
 def unit_of(text: str, key: str, path: Path) -> float:
-    """Return the length (m) of a unit that a header names under a key."""
+    """Return the length (m) of a unit of a header's key."""
     known = UNITS.get(text.strip().lower())
     if known is None:
         problem = f"{key}: {short(text)} is no known unit of length"
@@ -109,7 +109,7 @@ def unit_of(text: str, key: str, path: Path) -> float:
 
 
 def voxel_count(sizes: Sequence[int], path: Path) -> int:
-    """Return the product of sizes, refused where no memory would hold the voxels."""
+    """Return the product of sizes; too many voxels raise an error."""
     count = math.prod(sizes)
     if count > MOST_VOXELS:
         problem = f"{count:.3g} voxels, of which {MOST_VOXELS:.1g} are the most that is read"
@@ -118,7 +118,7 @@ def voxel_count(sizes: Sequence[int], path: Path) -> int:
 
 
 def file_bytes(path: Path, most: int = -1) -> bytes:
-    """Return the bytes of a regular file, the first `most` of them."""
+    """Return the bytes of a regular file, at most `most`."""
     if most < 0:
         return read_bytes(path, KEY, remedy=FORMATS)
     with require_file(path, KEY, remedy=FORMATS).open("rb") as file:
@@ -126,7 +126,7 @@ def file_bytes(path: Path, most: int = -1) -> bytes:
 
 
 def inflated(data: bytes, compression: str, most: int, path: Path, *, whole: bool = True) -> bytes:
-    """Return compressed data, at most `most` bytes and one more.
+    """Return decompressed data, at most `most` bytes and one more.
 
     Parameters
     ----------
@@ -135,14 +135,14 @@ def inflated(data: bytes, compression: str, most: int, path: Path, *, whole: boo
         ``gzip``, ``zlib`` or ``bzip2``.
     most : int
     path : Path
-        For messages.
+        Path in error messages.
     whole : bool
-        Whether the end of the data must be reached.
+        Whether incomplete data are an error.
 
     Raises
     ------
     CaseError
-        The data are damaged or end early.
+        The data are damaged or incomplete.
     """
     make: Mapping[str, Callable[[], Any]] = {
         "gzip": lambda: zlib.decompressobj(31),
@@ -164,7 +164,7 @@ def inflated(data: bytes, compression: str, most: int, path: Path, *, whole: boo
 
 
 def array_of(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path) -> np.ndarray:
-    """Return binary data as an array, refused if they are not as many as the header says."""
+    """Return binary data as an array; their number must agree with the header."""
     wanted = voxel_count(shape, path) * dtype.itemsize
     if len(data) != wanted:
         found = f"more than {wanted:,}" if len(data) > wanted else f"{len(data):,}"
@@ -174,7 +174,7 @@ def array_of(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path) -> 
 
 
 def array_of_text(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path) -> np.ndarray:
-    """Return numbers that are written as text as an array; see `array_of`."""
+    """Return numbers in a text as an array; see `array_of`."""
     wanted = voxel_count(shape, path)
     if not re.fullmatch(rb"[\d\s+\-.eE,]*", data):
         raise refusal(path, "its voxels are no numbers", "save it anew")
@@ -199,7 +199,7 @@ def check_geometry(volume: Volume, path: Path, key: str) -> tuple[Floats, Floats
     Raises
     ------
     CaseError
-        Spacing or origin are not plausible, or the axes are not at right angles.
+        Spacing or origin are not plausible, or the axes are not perpendicular.
     """
     steps, origin = volume.steps, volume.origin
     with np.errstate(all="ignore"):
@@ -226,16 +226,16 @@ def check_geometry(volume: Volume, path: Path, key: str) -> tuple[Floats, Floats
     return straight, spacing
 
 
-# Volumes in formats that SimpleITK reads, one guard around it.
+# Volumes in other formats, read by SimpleITK.
 
 
 OWN = "give a .nrrd, .seg.nrrd, .nii.gz or .mha (3D Slicer saves these)"
 MILLIMETRE = 1e-3
-"""What SimpleITK's coordinates are in, m."""
+"""Unit of SimpleITK's coordinates, m."""
 
 
 def read_other(path: Path) -> Volume:
-    """Read a volume of a format that is none of ours by SimpleITK.
+    """Read a volume in another format with SimpleITK.
 
     Raises
     ------

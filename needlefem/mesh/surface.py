@@ -1,4 +1,4 @@
-"""The surface of the undeformed tissue, and where a path in the material leaves through it."""
+"""The surface of the undeformed tissue: intersections with lines, and the entry of a needle."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,9 +9,9 @@ from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.errors import CaseError
 
 PARALLEL = 1e-12
-"""Sine of the angle between a line and a facet up to which they are parallel."""
+"""Largest sine of the angle between a line and a facet that count as parallel."""
 SHORTEST = 1e-9
-"""Part of a segment between two crossings below which it is not looked at."""
+"""Shortest part of a segment between two intersections that is evaluated."""
 
 
 def line_crossings(corners: Floats, through: Vector, direction: Vector) -> tuple[Ints, Floats]:
@@ -102,7 +102,7 @@ class Surface:
 
 
 class TipWatch:
-    """Follows the tip along its path and says where it leaves the tissue.
+    """Detection of the point at which the path of the tip leaves the tissue.
 
     Far from the surface nothing is looked for until the tip has gone as far as it is deep.
 
@@ -118,7 +118,7 @@ class TipWatch:
         self._seen, self._clear = start, 0.0
 
     def first_exit(self, start: Vector, end: Vector) -> float | None:
-        """Return the part of the tip's next step after which it leaves the tissue, or None.
+        """Return the share of the tip's next step at which it leaves the tissue, or None.
 
         Parameters
         ----------
@@ -131,7 +131,7 @@ class TipWatch:
         return None if self._clear_of(end) else self._surface.first_exit(start, end)
 
     def _clear_of(self, point: Vector) -> bool:
-        """Say whether a point is nearer to where the tip was looked at than the surface is."""
+        """Return whether a point is within the last known distance without a surface."""
         apart = point - self._seen
         return float(apart @ apart) < self._clear**2
 
@@ -140,7 +140,7 @@ class TipWatch:
 
 
 STEEPEST = 0.2
-"""Least cosine between needle and inward normal: flatter, a tip would slide on the skin."""
+"""Smallest cosine of the angle between needle and inward normal of the skin at the entry."""
 
 
 class Entry(NamedTuple):
@@ -161,7 +161,7 @@ class Entry(NamedTuple):
 
 
 def entry_along(mesh: SkfemMesh, through: Vector, direction: Vector) -> Entry | None:
-    """Return where the line through a point first enters the mesh, or None if it misses it.
+    """Return the first intersection of the line through a point with the surface, or None.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def entry_at(mesh: SkfemMesh, point: Vector, direction: Vector) -> Entry:
 
 
 def check_entry(entry: Entry, direction: Vector, held: Ints) -> None:
-    """Raise a `CaseError` if the needle would slide along the skin or meets a held face.
+    """Raise a `CaseError` if the needle is too oblique to the skin or meets a supported face.
 
     `held` are the facets of all supports.
     """
@@ -220,5 +220,5 @@ def _inward(mesh: SkfemMesh, facet: int) -> Vector:
 
 
 def place_text(point: Vector) -> str:
-    """Return a point as messages have it, in cm."""
+    """Return the text of a point in messages, in cm."""
     return "(" + ", ".join(f"{100.0 * x:.4g}" for x in point) + ") cm"

@@ -1,4 +1,4 @@
-"""Damage to files: to bytes, lines and numbers of any file, to the values of a tree, to paths."""
+"""Defects of files: in bytes, lines and numbers, in the values of a tree, in paths."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from needlefem.stress.drawncase import toml_lines
 Random = np.random.Generator
 
 CODE = "needlefem_stress_canary:Law"
-"""Names code in a module that must never be imported."""
+"""Name of code in a module that must never be imported."""
 PATHS = (
     "../escaped.csv", "../../../../../../etc/passwd", "/etc/hostname", "", ".", "..", "/dev/zero",
     "/dev/null", "fifo", "loop", "folder", "~", "~root/x", "none.csv", "x" * 300, "a\x00b",
@@ -23,7 +23,7 @@ PATHS = (
     "Organ.CSV", "organ.csv ", "Köln/ü.csv", "\U0001f489.csv", "con\nsole.csv", CODE,
     "http://localhost/x.csv",
 )  # fmt: skip
-"""What a name of a file is replaced by; some of these are there."""
+"""Replacements of file names; some of these files exist."""
 TEXTS = (
     "", " ", "?", "nan", "inf", "-inf", "1e400 cm", "-1 cm", "0 cm", "nan cm", "inf cm", "1 kPa",
     "1 cm", "1 parsec", "1,5 cm", "1cm", "one cm", "1 cm 2", "1e-300 m", "1e300 m", "1 um",
@@ -49,7 +49,7 @@ NAMES = (
 
 
 def damage(random: Random, folder: Path, name: str) -> str:
-    """Damage a file in a folder once to three times; return what was done."""
+    """Apply one to three defects to a file in a folder; return their descriptions."""
     done = []
     count = int(random.choice([1, 2, 3], p=[0.7, 0.2, 0.1]))
     for _ in range(count):
@@ -74,7 +74,7 @@ def _damage_once(random: Random, file: Path) -> str:
 
 
 def _bytes(random: Random, file: Path) -> str:
-    """Flip, cut, insert or repeat bytes."""
+    """Change, remove, insert or repeat bytes."""
     content = bytearray(file.read_bytes())
     if not content:
         return "left empty"
@@ -98,7 +98,7 @@ def _bytes(random: Random, file: Path) -> str:
 
 
 def _lines(random: Random, file: Path) -> str:
-    """Delete, repeat, swap or move lines."""
+    """Delete, repeat, exchange or move lines."""
     lines = file.read_bytes().split(b"\n")
     kind = str(random.choice(["delete", "repeat", "swap", "blank", "shuffle", "comment"]))
     first, second = random.integers(len(lines), size=2).tolist()
@@ -120,7 +120,7 @@ def _lines(random: Random, file: Path) -> str:
 
 
 def _numbers(random: Random, file: Path) -> str:
-    """Replace a number that stands in the text."""
+    """Replace a number in the text."""
     content = file.read_bytes()
     found = list(re.finditer(rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?", content))
     if not found:
@@ -136,7 +136,7 @@ def _numbers(random: Random, file: Path) -> str:
 
 
 def _whole(random: Random, file: Path) -> str:
-    """Replace the file as a whole: by nothing, by a folder, a link, a pipe, another file."""
+    """Replace the file by an empty one, a folder, a link, a pipe or another file."""
     kind = str(random.choice([
         "missing", "empty", "folder", "fifo", "loop", "dangling", "zeros", "noise", "other",
         "device",
@@ -166,7 +166,7 @@ def _whole(random: Random, file: Path) -> str:
 
 
 def _encoding(random: Random, file: Path) -> str:
-    """Write the text in another encoding, with other ends of lines, or with a mark in front."""
+    """Write the text with another encoding, other line ends, or a byte-order mark."""
     kind = str(random.choice(["utf-16", "utf-8-sig", "crlf", "cr", "latin-1", "no end"]))
     content = file.read_bytes()
     if kind in ("utf-16", "utf-8-sig"):
@@ -184,7 +184,7 @@ def _encoding(random: Random, file: Path) -> str:
 
 
 def _table(random: Random, file: Path) -> str:
-    """Damage a CSV file as people do."""
+    """Apply a typical mistake of a user to a CSV file."""
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
     if len(lines) < 3:
         return _lines(random, file)
@@ -201,7 +201,7 @@ def _table(random: Random, file: Path) -> str:
 
 
 def _other_text(kind: str, head: str, rows: list[str]) -> tuple[str, list[str]]:
-    """Return header and rows written in another way."""
+    """Return header and rows in another notation."""
     heads = {"no units": "y, z", "other units": "y [mm], z [furlong]",
              "axes swapped": "z [cm], y [cm]", "three columns": head + ", x [cm]",
              "semicolons": head.replace(",", ";")}  # fmt: skip
@@ -219,7 +219,7 @@ def _other_text(kind: str, head: str, rows: list[str]) -> tuple[str, list[str]]:
 
 
 def _other_corners(random: Random, kind: str, rows: list[str]) -> list[str]:
-    """Return rows with other corners."""
+    """Return rows with changed vertices."""
     at, other = random.integers(len(rows), size=2).tolist()
     factors = {"far": 1e6, "tiny": 1e-9, "on a line": 0.0}
     if kind in factors:
@@ -302,7 +302,7 @@ def _short(value: Any) -> str:
 
 
 def _places(node: Any, path: str = "") -> Any:
-    """Yield (parent, key, dotted path) of all values in a tree, long lists in part."""
+    """Yield (parent, key, dotted path) of the values in a tree; of long lists only a part."""
     items: Any = ()
     if isinstance(node, Mapping):
         items = node.items()
@@ -315,7 +315,7 @@ def _places(node: Any, path: str = "") -> Any:
 
 
 def _value(random: Random, path: str) -> Any:
-    """Return a value of a wrong kind, or a wrong value of the right kind."""
+    """Return a value of a wrong type, or a wrong value of the correct type."""
     names_file = path.rpartition(".")[2] in ("contour", "file", "source", "folder")
     kind = str(random.choice(["text", "number", "shape", "path"], p=[0.4, 0.3, 0.2, 0.1]))
     if kind == "path" or (names_file and random.random() < 0.7):

@@ -25,11 +25,11 @@ from needlefem.stress.drawncase import (
 Random = np.random.Generator
 
 FACES = ("near", "far", "left", "right")
-"""Faces in the scene's own frame: the skin, opposite to it, and beside the needle."""
+"""Faces in the scene's own frame: the skin, the opposite face, and the lateral faces."""
 SYMMETRY_SHARE = 0.3
-"""Share of the scenes of which a symmetry is checked."""
+"""Share of the scenes whose symmetry is checked."""
 PLAN_SHARE = 0.15
-"""Share of the scenes in which a target is planned for."""
+"""Share of the scenes with a plan."""
 
 
 def length(value: float) -> DrawnQuantity:
@@ -43,23 +43,23 @@ def point(values: Floats) -> list[DrawnQuantity]:
 
 
 def chosen(random: Random, options: dict[str, float]) -> str:
-    """Return one of some words, with weights."""
+    """Return a random word with weights."""
     weights = np.array(list(options.values()))
     return str(random.choice(list(options), p=weights / weights.sum()))
 
 
 def power(random: Random, low: float, high: float) -> float:
-    """Return a number whose decimal logarithm is uniform between two."""
+    """Return a random number with a uniform decimal logarithm between two bounds."""
     return float(10.0 ** random.uniform(low, high))
 
 
 def draw_case(seed: int, number: int) -> DrawnCase:
-    """Return the scene of a number."""
+    """Return the scene with a given number."""
     return _Draw(np.random.default_rng([seed, number])).case()
 
 
 class _Draw:
-    """One scene in the making."""
+    """Data of a scene during its generation."""
 
     def __init__(self, random: Random) -> None:
         self.random = random
@@ -127,7 +127,7 @@ class _Draw:
         self.entry = np.array([begin, 0.0])
 
     def _frame(self) -> None:
-        """Draw how the scene's own frame lies in space, and where."""
+        """Draw position and orientation of the scene's own frame in space."""
         random = self.random
         if self.grid.from_file:
             angle = random.uniform(0.0, 2.0 * np.pi)
@@ -147,7 +147,7 @@ class _Draw:
         return found
 
     def _inclusions(self) -> None:
-        """Draw contours that keep apart from one another and from the faces."""
+        """Draw contours with a distance from each other and from the faces."""
         random, grid = self.random, self.grid
         wanted = int(random.choice([0, 1, 2, 3], p=[0.3, 0.35, 0.2, 0.15]))
         self.inclusions: dict[str, Points] = {}
@@ -199,7 +199,7 @@ class _Draw:
             data["regions"][name] = region
 
     def _plane(self) -> None:
-        """Draw plane strain or stress; a law with a memory has plane strain alone."""
+        """Draw plane strain or stress; a viscoelastic law needs plane strain."""
         laws = {table["law"] for table in self.data["materials"].values()}
         stress = 0.0 if "viscoelastic" in laws else 0.18
         if self.kind("plane", {"strain": 1.0 - stress, "stress": stress}) == "stress":
@@ -320,7 +320,7 @@ class _Draw:
         return None
 
     def _roomy(self) -> bool:
-        """Say whether the mesh can be fitted: contours a cell away from faces and one another."""
+        """Return whether the mesh can be fitted: gaps of at least one cell around contours."""
         room, grid = self.grid.coarse_size, self.grid
         outlines = list(self.inclusions.values())
         high = np.array([grid.width, grid.height]) - room
@@ -367,7 +367,7 @@ def _outline(random: Random) -> Points:
 
 
 def _faces_of_box(turn: Floats) -> dict[str, str]:
-    """Return the box's names of the faces of the scene's own frame."""
+    """Return the names of the box's faces for the faces of the scene's own frame."""
     outward = {"near": (0, -1), "far": (0, 1), "left": (-1, 0), "right": (1, 0)}
     names = {(-1, 0): "y_min", (1, 0): "y_max", (0, -1): "z_min", (0, 1): "z_max"}
     found = {}

@@ -1,4 +1,4 @@
-"""Random constants of the laws of tissue, all of them admissible."""
+"""Random cases: constants of laws, meshes, motions, and the tree of the case file."""
 
 import dataclasses
 import json
@@ -13,25 +13,25 @@ from needlefem.geometry.contour import Contour
 from needlefem.materials import law_class
 
 LEAST_EIGENVALUE = 0.02
-"""Of the compliance over its largest: the laws that are drawn are well away from the limits."""
+"""Smallest eigenvalue of the compliance relative to the largest; far from the stability limit."""
 
 
 def draw_law(
     random: np.random.Generator, law: str, modulus: float, limit: float, duration: float
 ) -> dict[str, Any]:
-    """Return the table of a material.
+    """Return the table of a random material.
 
     Parameters
     ----------
     random : Generator
     law : str
-        Its name in a case.
+        Name of the law in a case.
     modulus : float, Pa
-        Young's modulus, about.
+        Approximate Young's modulus.
     limit : float
-        Largest Poisson's ratio that the element takes without locking.
+        Largest Poisson's ratio for which the element does not lock.
     duration : float, s
-        Of the insertion: relaxation times are a tenth of it to ten times as long.
+        Duration of the insertion; relaxation times are between a tenth and ten times of it.
     """
     if law in ("transversely-isotropic", "orthotropic"):
         while True:
@@ -39,7 +39,7 @@ def draw_law(
             plain = {key: modulus * x if key in _PRESSURES else x for key, x in drawn.items()}
             try:
                 values = np.linalg.eigvalsh(law_class(law, "materials")(**plain).compliance())
-            except CaseError:  # constants that would release energy
+            except CaseError:  # the constants violate the stability of the law
                 continue
             if values[0] > LEAST_EIGENVALUE * values[-1]:
                 break
@@ -105,7 +105,7 @@ def _listed(value: Any) -> Any:
     )
 
 
-# Random meshes: boxes by their divisions, and graded grids that are written as files.
+# Random meshes: boxes with divisions, and graded grids that are written as files.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ class Grid:
     ----------
     from_file : bool
     width, height : float, m
-        Along the skin, and into the tissue.
+        Size along the skin, and size in the direction of the needle.
     divisions : tuple of int
     pattern : str
         ``diagonal``, ``crossed`` or ``quadrilateral``.
@@ -166,7 +166,7 @@ def grid_of_file(
     file_format: str,
     out: Callable[[Floats], Floats],
 ) -> "DrawnMesh":
-    """Return a graded grid with groups of cells by their centroids, moved into space by `out`."""
+    """Return a graded grid with groups of cells by centroids, mapped to space by `out`."""
     ticks = [
         size * _graded(random, count)
         for size, count in zip((grid.width, grid.height), grid.divisions, strict=True)
@@ -204,27 +204,27 @@ def grid_of_file(
 
 
 def _graded(random: np.random.Generator, count: int) -> Floats:
-    """Return rising numbers from 0 to 1 whose distances grow evenly, or not."""
+    """Return rising numbers from 0 to 1 with constant or variable growth of their distances."""
     ratio = float(random.uniform(0.94, 1.06)) if random.random() < 0.6 else 1.0
     steps = ratio ** np.arange(count)
     return np.concatenate([[0.0], np.cumsum(steps) / steps.sum()])
 
 
 def _bulge(random: np.random.Generator, points: Points, grid: Grid) -> Points:
-    """Return displacements that bend the grid's lines inside and leave its outline."""
+    """Return displacements of interior grid points; the outline does not change."""
     x, y = points[:, 0] / grid.width, points[:, 1] / grid.height
     hump = np.sin(np.pi * x) * np.sin(np.pi * y)
     found: Points = 0.25 * grid.coarse_size * hump[:, None] * random.uniform(-1.0, 1.0, 2)
     return found
 
 
-# Random motions of the needle, and random numbers of the integration in time.
+# Random motions of the needle, and random parameters of time integration.
 
 
 def draw_motion(
     random: np.random.Generator, kind: str, depth: float, speed: float
 ) -> dict[str, Any]:
-    """Return the keys of [motion] that a kind of motion needs; a plain push needs none.
+    """Return the keys of [motion] for a kind of motion; a single insertion needs none.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def draw_motion(
     kind : str
         ``push``, ``release``, ``out and in``, ``to and fro``, ``train`` or ``table``.
     depth : float, m
-        The deepest.
+        Largest depth.
     speed : float, m/s
     """
     if kind == "push":
@@ -283,7 +283,7 @@ def _length(value: float) -> "DrawnQuantity":
 def draw_time(
     random: np.random.Generator, data: dict[str, Any], integrator: str, duration: float
 ) -> None:
-    """Set numbers of an integrator with inertia, and damping."""
+    """Set parameters of an integrator with inertia, and damping."""
     found = data["discretization"]
     if integrator == "newmark":
         found["newmark_gamma"] = float(random.uniform(0.5, 0.8))
@@ -303,7 +303,7 @@ def draw_time(
         }
 
 
-# A drawn case: the tree of its TOML file with typed quantities, its contours and its mesh.
+# A random case: the tree of its TOML file with typed quantities, contours and mesh.
 
 
 EXPONENTS = {
@@ -316,7 +316,7 @@ EXPONENTS = {
     "time": ("s", 0, 0, 1),
     "rate": ("1/s", 0, 0, -1),
 }
-"""By dimension: the unit that is written, and the exponents of length, force and time."""
+"""By dimension: the written unit, and the exponents of length, force and time."""
 
 
 class DrawnQuantity(NamedTuple):
@@ -352,13 +352,13 @@ class DrawnMesh:
     points : array, shape (n, 2), m
     cells : array, shape (m, 3) or (m, 4)
     regions : array, shape (m,)
-        Number of the group of every cell; 0 is the background.
+        Group number of each cell; 0 is the background.
     region_names : tuple of str
-        Of the groups from 1 on.
+        Names of the groups from 1 on.
     faces : mapping
-        Edges of the boundary by their group's name, shape (k, 2).
+        Boundary edges by the name of their group, shape (k, 2).
     file_format : str
-        Of meshio's.
+        Name of the format in meshio.
     """
 
     points: Points
@@ -371,22 +371,22 @@ class DrawnMesh:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnCase:
-    """A case as it was drawn.
+    """A random case.
 
     Parameters
     ----------
     data : mapping
         Tree of the TOML file; its leaves are TOML values and `DrawnQuantity`.
     contours : mapping
-        Corners of the contours by file name, shape (n, 2), m.
+        Vertices of the contours by file name, shape (n, 2), m.
     mesh : DrawnMesh, optional
-        Written beside the case.
+        Mesh file in the folder of the case.
     kinds : mapping
-        What was drawn, by aspect, for the report's table.
+        Random choices by aspect, for the table of the report.
     command : str
         ``run`` or ``plan``.
     check : str
-        Which symmetry is checked; empty for none.
+        Symmetry that is checked; empty for none.
     """
 
     data: Mapping[str, Any]
@@ -402,9 +402,9 @@ MESH_UNIT = 1e-3
 
 
 def in_units(case: DrawnCase, units: Units) -> DrawnCase:
-    """Return the case with all lengths, forces and times multiplied."""
+    """Return the case with scaled lengths, forces and times."""
     contours = {name: units.length * points for name, points in case.contours.items()}
-    scaled = _walked(case.data, units.of)  # with the unit of the mesh file's coordinates
+    scaled = _walked(case.data, units.of)  # including the unit of the mesh file
     return dataclasses.replace(case, data=scaled, contours=contours)
 
 

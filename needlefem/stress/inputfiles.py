@@ -1,4 +1,4 @@
-"""Drawn cases as files: TOML, contours, meshes through meshio, MSH 4.1 as Gmsh writes it."""
+"""Files of random cases: TOML, contours, meshes by meshio, MSH 4.1 in the style of Gmsh."""
 
 import contextlib
 import dataclasses
@@ -25,7 +25,7 @@ from needlefem.stress.drawncase import (
 
 SHAPES = {2: "line", 3: "triangle", 4: "quad"}
 GMSH_TYPES = {2: 1, 3: 2, 4: 3}
-"""Gmsh's numbers of cells by their corners."""
+"""Cell type numbers of Gmsh by number of vertices."""
 
 
 def write_drawn_case(case: DrawnCase, folder: Path, comment: str = "") -> Path:
@@ -43,7 +43,7 @@ def write_drawn_case(case: DrawnCase, folder: Path, comment: str = "") -> Path:
 
 
 def write_drawn_mesh(mesh: DrawnMesh, path: Path) -> None:
-    """Write a mesh in its format, with physical groups where the format has them."""
+    """Write a mesh in its format, with physical groups if the format has them."""
     points = np.column_stack([mesh.points / MESH_UNIT, np.zeros(len(mesh.points))])
     if mesh.file_format == "gmsh41":
         path.write_text("\n".join(_gmsh41(mesh, points)) + "\n", encoding="utf-8")
@@ -70,7 +70,7 @@ def write_drawn_mesh(mesh: DrawnMesh, path: Path) -> None:
 
 
 def _groups(mesh: DrawnMesh) -> dict[str, tuple[int, int]]:
-    """Return dimension and number of every physical group; all numbers differ."""
+    """Return dimension and number of each physical group; all numbers are different."""
     areas = ("tissue", *mesh.region_names)
     found = {name: (2, number) for number, name in enumerate(areas, start=1)}
     first = len(areas) + 1
@@ -78,7 +78,7 @@ def _groups(mesh: DrawnMesh) -> dict[str, tuple[int, int]]:
 
 
 def _gmsh41(mesh: DrawnMesh, points: Points) -> Iterator[str]:
-    """Yield the lines of an ASCII file: one curve or surface for every physical group."""
+    """Yield the lines of an ASCII file with one curve or surface per physical group."""
     groups = _groups(mesh)
     yield from ("$MeshFormat", "4.1 0 8", "$EndMeshFormat", "$PhysicalNames", str(len(groups)))
     yield from (f'{dim} {number} "{name}"' for name, (dim, number) in groups.items())
@@ -113,7 +113,7 @@ def _gmsh41_elements(blocks: list[tuple[tuple[int, int], Ints]]) -> Iterator[str
     yield "$EndElements"
 
 
-# Sound input files, small ones, that are damaged afterwards; each command on them is quick.
+# Small valid input files, which get defects afterwards; commands on them take little time.
 
 
 MESH_FILES = {
@@ -128,24 +128,24 @@ MESH_FILES = {
     "mesh.ply": "ply",
     "mesh.mesh": "medit",
 }
-"""Mesh files that can be written without further packages, and their format."""
+"""Mesh files that can be written without further packages, with their formats."""
 LABEL_MAPS = ("labels.nrrd", "labels.nii", "labels.nii.gz", "labels.mha", "labels.seg.nrrd")
 KINDS = {"case": 0.4, "contour": 0.14, "mesh": 0.18, "label map": 0.12, "result": 0.16}
-"""Kinds of input, and the share of each."""
+"""Kinds of input, with the share of each."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Sound:
-    """A sound input.
+    """A valid input.
 
     Parameters
     ----------
     kind : str
-        Of `KINDS`.
+        One of `KINDS`.
     damaged : str
-        Name of the file that is damaged, in the folder.
+        Name of the file in the folder that gets the defects.
     commands : tuple of tuple of str
-        Arguments of the commands that read it; ``{out}`` stands for a folder to write to.
+        Arguments of the commands that read it; ``{out}`` stands for the output folder.
     """
 
     kind: str
@@ -159,7 +159,7 @@ def length(value: float) -> DrawnQuantity:
 
 
 def case_data() -> dict[str, Any]:
-    """Return the tree of a small case with something of everything in it."""
+    """Return the tree of a small case that uses most keys."""
     return {
         "schema_version": 2,
         "title": "small",
@@ -264,7 +264,7 @@ def write_label_map(folder: Path, name: str) -> None:
 
 
 def has_label_maps() -> bool:
-    """Say whether label maps can be written and read here."""
+    """Return whether label maps can be written and read in this environment."""
     return find_spec("SimpleITK") is not None
 
 
@@ -285,13 +285,13 @@ PICTURE_COMMANDS: Commands = (
 
 
 def sound_input(random: np.random.Generator, kind: str, folder: Path, results: Path) -> Sound:
-    """Write a sound input of a kind into a folder.
+    """Write a valid input of a given kind into a folder.
 
     Parameters
     ----------
     random : Generator
     kind : str
-        Of `KINDS`.
+        One of `KINDS`.
     folder : Path
     results : Path
         Folder with the results ``run`` and ``plan`` of the small case, which are copied.
@@ -334,7 +334,7 @@ CommandLine = Callable[[Sequence[str]], int]
 
 
 def make_results(folder: Path, command_line: CommandLine) -> None:
-    """Carry the small case out and plan it, into the folders ``run`` and ``plan``.
+    """Simulate and plan the small case; write the folders ``run`` and ``plan``.
 
     What differs from time to time is taken out, so that a seed always damages the same bytes.
     """

@@ -1,4 +1,4 @@
-"""One damaged input, read by a command: what is required of the answer, and whether it holds."""
+"""One input with defects that a command reads, and the requirements on the command's response."""
 
 import contextlib
 import dataclasses
@@ -22,23 +22,23 @@ from needlefem.stress.inputfiles import KINDS, CommandLine, has_label_maps, soun
 from needlefem.stress.scenes import Fault
 
 MOST_LINES, MOST_CHARACTERS = 2, 800
-"""Of a message."""
+"""Largest number of lines or characters of a message."""
 STATUSES = (0, 1, 2, 3, 4)
 PACKAGE = Path(__file__).parents[1]
 CANARY = CODE.partition(":")[0]
 FOREIGN = re.compile(r"Warning:|^\s*File \"|vtk[A-Z]|kwarg |ERROR|Error:|HDF5")
-"""What lines of dependencies have in them that reach the user."""
+"""Texts in messages of dependencies, which must not reach the user."""
 PROGRESS = re.compile(r"needlefem \w+: \d+ s")
-"""How lines of progress begin, which are no messages."""
+"""Beginnings of progress messages, which are no error messages."""
 CACHES = (str(Path.home() / ".config"), str(Path.home() / ".cache"))
-"""Folders in which dependencies keep what they found out about the machine."""
+"""Folders in which dependencies store information about the machine."""
 HELPERS = (sys.executable, "xset")
-"""Programs that drawing starts: the renderer is tried in a process of its own."""
+"""Programs that the renderer starts in a separate process."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class InputRun:
-    """What became of a damaged input.
+    """Result of one input with defects.
 
     Parameters
     ----------
@@ -46,16 +46,16 @@ class InputRun:
     kinds : dict
         Kind of the input, and the command that read it.
     damage : str
-        What was done to it.
+        Description of the defects.
     command : str
-        With its arguments.
+        Command with its arguments.
     status : str
-        Exit status, or ``lost`` without an answer.
+        Exit status, or ``lost`` if there was no response.
     message : str
-        What was written on standard error.
+        Text on standard error.
     faults : tuple of Fault
     seconds : float
-        Of processor time.
+        Processor time.
     """
 
     number: int
@@ -70,7 +70,7 @@ class InputRun:
 
 @dataclasses.dataclass(frozen=True)
 class Drawn:
-    """A damaged input in a folder: its kind, what was done, and the arguments of the command."""
+    """An input with defects in a folder: kind, defects, and arguments of the command."""
 
     kind: str
     damage: str
@@ -78,15 +78,15 @@ class Drawn:
 
 
 def draw_input(seed: int, number: int, folder: Path, results: Path) -> Drawn:
-    """Write a damaged input into a folder.
+    """Write an input with defects into a folder.
 
     Parameters
     ----------
     seed, number : int
     folder : Path
-        Must be there; results go to its neighbour ``out``.
+        Existing folder; results are written to its neighbour ``out``.
     results : Path
-        What `needlefem.stress.inputfiles.make_results` made.
+        Result of `needlefem.stress.inputfiles.make_results`.
     """
     random = np.random.default_rng([seed, number])
     shares = {kind: share for kind, share in KINDS.items() if kind != "label map"}
@@ -104,7 +104,7 @@ def draw_input(seed: int, number: int, folder: Path, results: Path) -> Drawn:
     (folder / "link.csv").symlink_to("/etc/passwd")
     done = damage(random, folder, sound.damaged)
     arguments = sound.commands[int(random.integers(len(sound.commands)))]
-    if random.random() < 0.03:  # the result's folder can be wrong as well
+    if random.random() < 0.03:  # the output folder may be invalid, too
         wrong = str(random.choice(["case.toml", "/dev/null", "x" * 300, "folder/../fifo"]))
         arguments = tuple(a.replace("{out}", wrong) for a in arguments)
     if arguments[0] in ("run", "plan", "render") and random.random() < 0.05:
@@ -117,7 +117,7 @@ def draw_input(seed: int, number: int, folder: Path, results: Path) -> Drawn:
 
 
 def run_input(command_line: CommandLine, results: str, seed: int, number: int) -> InputRun:
-    """Draw an input, let its command read it, and check what is required of the answer."""
+    """Draw an input, run its command, and check the requirements."""
     with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as name:
         return check_input(command_line, Path(results), seed, number, Path(name))
 
@@ -125,7 +125,7 @@ def run_input(command_line: CommandLine, results: str, seed: int, number: int) -
 def check_input(
     command_line: CommandLine, results: Path, seed: int, number: int, folder: Path
 ) -> InputRun:
-    """Draw an input into the folder ``in`` of a folder, run its command there, and check."""
+    """Draw an input into the folder ``in`` of a folder, run its command, and check."""
     given, out = folder / "in", folder / "out"
     given.mkdir(parents=True, exist_ok=True)
     drawn = draw_input(seed, number, given, results)
@@ -154,7 +154,7 @@ def check_input(
 
 
 def _asked_for(changed: Sequence[str], arguments: Sequence[str]) -> bool:
-    """Say whether files were written where a drawn ``--out`` within the folder said."""
+    """Return whether files were written to the place of a random ``--out`` in the folder."""
     if "--out" not in arguments:
         return False
     wanted = arguments[arguments.index("--out") + 1]
@@ -162,7 +162,7 @@ def _asked_for(changed: Sequence[str], arguments: Sequence[str]) -> bool:
 
 
 def _tree_of(folder: Path) -> dict[str, tuple[int, int]]:
-    """Return size and time of change of everything in a folder."""
+    """Return size and modification time of all files in a folder."""
     found = {}
     for path in folder.rglob("*"):
         about = path.lstat()
@@ -173,7 +173,7 @@ def _tree_of(folder: Path) -> dict[str, tuple[int, int]]:
 
 @dataclasses.dataclass
 class _Said:
-    """What a command did: exit status, output, warnings, traceback, files that it wrote."""
+    """Result of a command: exit status, output, warnings, traceback, written files."""
 
     status: int | str = ""
     output: str = ""
@@ -183,7 +183,7 @@ class _Said:
 
 
 def _run(command_line: CommandLine, arguments: Sequence[str], folder: Path) -> _Said:
-    """Run a command in this process, within a folder, with its output in files."""
+    """Run a command in this process in a folder, with its output in files."""
     said = _Said()
     temporary = folder / "tmp"
     temporary.mkdir(exist_ok=True)
@@ -212,7 +212,7 @@ def _run(command_line: CommandLine, arguments: Sequence[str], folder: Path) -> _
 
 
 def _wanted(arguments: Sequence[str]) -> list[str]:
-    """Return where the arguments say that results go, which need not be a place to write to.
+    """Return the output path in the arguments, which need not be writable.
 
     A picture is written beside its place first.
     """
@@ -225,7 +225,7 @@ def _wanted(arguments: Sequence[str]) -> list[str]:
 
 
 def _command(command_line: CommandLine, arguments: Sequence[str]) -> int:
-    """Run a command, or ``load_result`` as a script would."""
+    """Run a command, or ``load_result`` as in a script."""
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -248,7 +248,7 @@ def _show_warning(  # noqa: PLR0917  (as Python calls it)
     file: Any = None,  # noqa: ARG001
     line: str | None = None,  # noqa: ARG001
 ) -> None:
-    """Write a warning of the package as the command does, and one of a dependency as Python does.
+    """Print a warning of the package like the command line, others like Python.
 
     A dependency that has turned warnings to another form or place must not hide its own.
     """
@@ -260,7 +260,7 @@ def _show_warning(  # noqa: PLR0917  (as Python calls it)
 
 @contextlib.contextmanager
 def _captured(folder: Path) -> Iterator[list[str]]:
-    """Send what the process writes, dependencies in C too, to files; then give their texts."""
+    """Redirect the output of the process, C libraries included, to files; return their texts."""
     caught: list[str] = []
     files = [folder / "output.txt", folder / "errors.txt"]
     sys.stdout.flush()
@@ -287,7 +287,7 @@ def _captured(folder: Path) -> Iterator[list[str]]:
 
 
 class _Watch:
-    """What the process opens for writing, beside the folders where it may."""
+    """Files that the process opens for writing outside of the allowed folders."""
 
     allowed: tuple[str, ...] | None = None
     written: list[str]
@@ -308,7 +308,7 @@ _WRITE = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 def _watch_files() -> None:
-    """Begin to watch; Python never stops an audit hook again."""
+    """Install the audit hook; Python can't remove it."""
     if not _WATCH.running:
         _WATCH.running = True
         sys.addaudithook(_audit)
@@ -334,7 +334,7 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _faults(said: _Said, folder: Path) -> Iterator[Fault]:
-    """Yield the requirements that an answer does not meet."""
+    """Yield the violated requirements."""
     if said.trace:
         yield Fault(requirement="no traceback", detail=said.trace)
     elif "Traceback (most recent call last)" in said.errors + said.output:
@@ -354,7 +354,7 @@ def _faults(said: _Said, folder: Path) -> Iterator[Fault]:
 
 
 def _message_faults(said: _Said) -> Iterator[Fault]:
-    """Yield what is wrong with the lines on standard error; usage by argparse may be longer."""
+    """Yield the faults of the lines on standard error; usage texts of argparse may be longer."""
     lines = said.errors.splitlines()
     told = [line for line in lines if not line.startswith("warning:") and not PROGRESS.match(line)]
     if told and told[0].startswith("usage:"):

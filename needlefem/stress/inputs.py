@@ -1,4 +1,4 @@
-"""Many damaged inputs at once, and a report of how they were answered."""
+"""Run many inputs with defects, and report the responses."""
 
 import tempfile
 import time
@@ -14,11 +14,11 @@ from needlefem.stress.pool import Lost, WorkerLimits, work_through
 from needlefem.stress.scenes import Fault
 
 COUNT = 5000
-"""Inputs when no number is given."""
+"""Default number of inputs."""
 LIMITS = WorkerLimits(seconds=20.0, clock=300.0, memory=4e9, seconds_a_step=0.02)
-"""Of a command: what takes longer hangs."""
+"""Time limit of a command."""
 TELL = 30.0
-"""Seconds between lines of progress."""
+"""Seconds between progress messages."""
 
 
 def run_inputs(
@@ -28,7 +28,7 @@ def run_inputs(
     processes: int,
     tell: Callable[[str], None],
 ) -> list[InputRun]:
-    """Let commands read the inputs of some numbers; `tell` is called with lines of progress.
+    """Run the inputs with given numbers; `tell` is called with progress messages.
 
     Fewer are returned where Ctrl-C or a signal stops the run.
     """
@@ -47,7 +47,7 @@ def run_inputs(
                     told = time.monotonic()
                     faulty = sum(bool(run.faults) for run in runs)
                     tell(f"{len(runs)} of {len(numbers)} inputs, {faulty} with a fault")
-        except KeyboardInterrupt as stop:  # what ran until then is reported
+        except KeyboardInterrupt as stop:  # the results so far are reported
             tell(str(stop) or "interrupted")
     return sorted(runs, key=lambda run: run.number)
 
@@ -68,14 +68,14 @@ def _lost(seed: int, number: int, lost: Lost, results: Path) -> InputRun:
 
 
 def keep_input(command_line: CommandLine, seed: int, number: int, folder: Path) -> InputRun:
-    """Run one input in a folder, which keeps what it read, wrote and said."""
+    """Run one input in a folder, which then contains its input, its output and its messages."""
     with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as results:
         make_results(Path(results), command_line)
         return check_input(command_line, Path(results), seed, number, folder.resolve())
 
 
 def passed(runs: Sequence[InputRun], asked: int) -> bool:
-    """Say whether all inputs that were asked for were run and meet all requirements."""
+    """Return whether all requested inputs were run and satisfy all requirements."""
     return len(runs) == asked and not any(run.faults for run in runs)
 
 
@@ -113,7 +113,7 @@ def command(seed: int, number: int) -> str:
 
 
 def listing(seed: int, runs: Sequence[InputRun]) -> list[str]:
-    """Return lines on every input with a fault."""
+    """Return lines about each input with a fault."""
     lines = []
     for run in runs:
         if not run.faults:
@@ -125,7 +125,7 @@ def listing(seed: int, runs: Sequence[InputRun]) -> list[str]:
 
 
 def record(seed: int, runs: Sequence[InputRun], asked: int) -> dict[str, Any]:
-    """Return all runs for JSON."""
+    """Return all results for JSON."""
     return {
         "seed": seed,
         "asked": asked,

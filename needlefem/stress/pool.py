@@ -1,4 +1,4 @@
-"""Work in processes of its own: one that hangs or dies is replaced, and its task is named."""
+"""Worker processes: one that hangs or crashes is replaced, and its task is reported."""
 
 import os
 import resource
@@ -12,20 +12,20 @@ from typing import Any, NamedTuple
 from needlefem._progress import expect_steps, expected_steps
 
 Work = Callable[[int], Any]
-"""What is done with the number of a task; must be a function of a module, for it is pickled."""
+"""Function of a task number; it must be a function of a module, because it is pickled."""
 POLL = 0.5
-"""How long to wait for an answer before the clock is looked at, s."""
+"""Interval for checking the time limits, s."""
 
 
 class WorkerLimits(NamedTuple):
-    """What a task may take.
+    """Limits of a task.
 
     Parameters
     ----------
     seconds : float, s
         Processor time.
     clock : float, s
-        Time on the clock, for what blocks without working.
+        Elapsed time, for tasks that block without computing.
     memory : float, bytes
         Address space of the worker.
     seconds_a_step : float, s
@@ -40,13 +40,13 @@ class WorkerLimits(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """A task without an answer, and why."""
+    """A task without a result, with the reason."""
 
     reason: str
 
 
 class OutOfTimeError(BaseException):
-    """A task took longer than it may; no ``except Exception`` catches it."""
+    """A task exceeded its time limit; ``except Exception`` does not catch it."""
 
 
 class _Worker:
@@ -64,7 +64,7 @@ class _Worker:
         self.pipe.send(task)
 
     def end(self) -> int | None:
-        """End the process at once; return its exit code if it had ended by itself."""
+        """Terminate the process; return its exit code if it had already ended."""
         self._process.join(timeout=POLL)
         code = self._process.exitcode
         self._process.kill()
@@ -76,7 +76,7 @@ class _Worker:
 def work_through(
     work: Work, tasks: Sequence[int], *, processes: int, limits: WorkerLimits
 ) -> Iterator[tuple[int, Any]]:
-    """Yield tasks and their answers, or `Lost`, in the order in which they end.
+    """Yield tasks with their results, or `Lost`, in the order of their ends.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def _answer(worker: _Worker, *, late: bool) -> Any:
 
 
 def _serve(pipe: Connection, work: Work, limits: WorkerLimits) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent terminates its workers
     allowed = [0.0]
 
     def out_of_time(signum: int, frame: Any) -> None:  # noqa: ARG001  (of every signal handler)

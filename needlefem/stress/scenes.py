@@ -1,4 +1,4 @@
-"""One drawn scene, carried out: what is required of it, and whether it holds."""
+"""Run random scenes, check the requirements, and report the results."""
 
 import dataclasses
 import json
@@ -35,16 +35,16 @@ from needlefem.stress.inputfiles import write_drawn_case
 from needlefem.stress.pool import Lost, WorkerLimits, work_through
 
 ENERGY = 1e-9
-"""Largest energy residual, and energy created in a step, over the turnover."""
+"""Largest energy residual, and largest energy gain in a step, over the total absolute work."""
 SAME_DEPTH = 1e-9
-"""Largest distance of the last depth from the one asked for, over the largest depth."""
+"""Largest difference of the last depth from the prescribed one, over the largest depth."""
 INSIDE = 1e-7
-"""How far outside the tissue round-off may place a point of its boundary, over its size."""
+"""Largest distance of a boundary point outside of the tissue by round-off, over its size."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A requirement that a scene does not meet."""
+    """A violated requirement."""
 
     requirement: str
     detail: str
@@ -55,13 +55,13 @@ class Fault:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SceneRun:
-    """What became of a drawn scene.
+    """Result of a random scene.
 
     Parameters
     ----------
     number : int
     kinds : dict
-        What was drawn, by aspect.
+        Random choices by aspect.
     status : str
         The insertion's or the plan's; ``refused`` with an error of the package's own, ``exception``
         with any other, ``lost`` without an answer.
@@ -70,7 +70,7 @@ class SceneRun:
     symmetry : str
         ``met``, ``missed`` or ``several solutions``; empty where none was checked.
     seconds : float
-        Of processor time.
+        Processor time.
     """
 
     number: int
@@ -83,13 +83,13 @@ class SceneRun:
 
     @property
     def complete(self) -> bool:
-        """Whether the needle did what it was told."""
+        """Whether the motion or the plan is complete."""
         return self.status in (Status.COMPLETED, PlanStatus.PLANNED)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class SceneAnswer:
-    """Where things end in a scene: what its symmetric images must share.
+    """Final positions in a scene, which its symmetric images must share.
 
     Parameters
     ----------
@@ -99,9 +99,9 @@ class SceneAnswer:
         Material point at the tip in the last state and resting places of seeds; for a plan the
         release point and where it places.
     path : array, shape (nstates, 2), m
-        Material point at the tip in all states.
+        Material points at the tip in all states.
     depth : float, m
-        The largest that was asked for.
+        Largest prescribed depth.
     """
 
     status: str
@@ -114,7 +114,7 @@ class SceneAnswer:
 def carry_out(
     scene: Scene, command: str, model: TissueModel | None = None
 ) -> tuple[SceneAnswer, Insertion | None]:
-    """Run or plan a scene; return where things end, and the insertion if there is one."""
+    """Run or plan a scene; return the final positions, and the insertion if there is one."""
     simulation = Simulation(scene, model)
     if command == "plan":
         assert scene.target is not None
@@ -149,7 +149,7 @@ def _planned(scene: Scene, plan: Plan) -> tuple[SceneAnswer, Insertion | None]:
 
 
 def run_scene(seed: int, number: int) -> SceneRun:
-    """Draw a scene, carry it out, and check all that is required of it."""
+    """Draw a scene, run it, and check all requirements."""
     begun = time.process_time()
     with tempfile.TemporaryDirectory(prefix="needlefem-stress-") as folder:
         found = check_case(draw_case(seed, number), number, Path(folder))
@@ -157,7 +157,7 @@ def run_scene(seed: int, number: int) -> SceneRun:
 
 
 def check_case(case: DrawnCase, number: int, folder: Path) -> SceneRun:
-    """Write a drawn case into a folder, carry it out and check it."""
+    """Write a random case into a folder, run it and check it."""
     from needlefem.stress.symmetry import check_symmetry  # noqa: PLC0415  (it runs scenes, too)
 
     kinds = dict(case.kinds)
@@ -172,7 +172,7 @@ def check_case(case: DrawnCase, number: int, folder: Path) -> SceneRun:
             faults += [fault] if fault is not None else []
     except NeedlefemError as error:
         return SceneRun(number=number, kinds=kinds, status="refused", sentence=str(error))
-    except Exception as error:  # to report whatever comes is what this is for
+    except Exception as error:  # the purpose is to report any exception
         fault = Fault(requirement="no exception", detail=traceback.format_exc())
         sentence = f"{type(error).__name__} at {_place(error)}: {error}"
         return SceneRun(
@@ -196,7 +196,7 @@ def _place(error: BaseException) -> str:
 
 
 def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Fault]:
-    """Yield the requirements that an insertion does not meet."""
+    """Yield the requirements that an insertion violates."""
     states = insertion.states
     energies = energy_terms(insertion)
     if not np.all(np.isfinite([*insertion.depths, *insertion.tips.ravel()])):
@@ -222,7 +222,7 @@ def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Faul
 
 
 def _outside(insertion: Insertion) -> Iterator[Fault]:
-    """Yield a fault for tips and seeds outside the tissue."""
+    """Yield a fault for tips and seeds outside of the tissue."""
     model = insertion.model
     size = float(np.max(np.ptp(model.mesh.p, axis=1)))
     within = [state for state in insertion.states if state.tip_phase is not TipPhase.OUTSIDE]
@@ -239,7 +239,7 @@ def _outside(insertion: Insertion) -> Iterator[Fault]:
 
 
 def _distance_outside(model: TissueModel, points: Points) -> Floats:
-    """Return the distance of every point outside the mesh from its boundary; 0 inside, m."""
+    """Return the distance of each point from the mesh; 0 inside, m."""
     found = np.zeros(len(points))
     if not len(points):
         return found
@@ -254,23 +254,23 @@ def _distance_outside(model: TissueModel, points: Points) -> Floats:
     return found
 
 
-# Many random scenes at once, and a report of what became of them.
+# Many random scenes, and a report of their results.
 
 
 COUNT = 2000
-"""Scenes when no number is given."""
+"""Default number of scenes."""
 LIMITS = WorkerLimits(seconds=60.0, clock=300.0, memory=4e9)
-"""Of a scene."""
+"""Time limit of a scene."""
 COMPLETE = 0.95
-"""Least share of scenes in which the needle does what it was told."""
+"""Smallest share of scenes with a complete motion or plan."""
 TELL = 30.0
-"""Seconds between lines of progress."""
+"""Seconds between progress messages."""
 
 
 def run_scenes(
     seed: int, numbers: Sequence[int], processes: int, tell: Callable[[str], None]
 ) -> list[SceneRun]:
-    """Carry out the scenes of some numbers; `tell` is called with lines of progress.
+    """Run the scenes with given numbers; `tell` is called with progress messages.
 
     Fewer are returned where Ctrl-C or a signal stops the run.
     """
@@ -284,7 +284,7 @@ def run_scenes(
                 told = time.monotonic()
                 faulty = sum(bool(run.faults) for run in runs)
                 tell(f"{len(runs)} of {len(numbers)} scenes, {faulty} with a fault")
-    except KeyboardInterrupt as stop:  # what ran until then is reported
+    except KeyboardInterrupt as stop:  # the results so far are reported
         tell(str(stop) or "interrupted")
     return sorted(runs, key=lambda run: run.number)
 
@@ -298,7 +298,7 @@ def _lost(seed: int, number: int, lost: Lost) -> SceneRun:
 
 
 def write_scene(seed: int, number: int, folder: Path) -> Path:
-    """Write a scene as a case file for a closer look."""
+    """Write a scene as a case file."""
     case = draw_case(seed, number)
     return write_drawn_case(
         case, folder, f"scene {number} of seed {seed}: needlefem {case.command}"
@@ -311,14 +311,14 @@ def command(kind: str, seed: int, number: int) -> str:
 
 
 def passed(runs: Sequence[SceneRun], asked: int) -> bool:
-    """Say whether all scenes that were asked for were run, without faults, enough complete."""
+    """Return whether all requested scenes were run without faults and enough are complete."""
     complete = sum(run.complete for run in runs)
     faulty = any(run.faults for run in runs)
     return len(runs) == asked and complete >= COMPLETE * asked and not faulty
 
 
 def summary(runs: Sequence[SceneRun], asked: int) -> Table:
-    """Return the table of statuses, then of what was drawn, each with its faults."""
+    """Return the table of statuses and of random choices, each with its faults."""
     rows = [*_rows("status", runs, lambda run: run.status)]
     rows += _rows("symmetry checked", [run for run in runs if run.symmetry], _symmetry)
     aspects = sorted({aspect for run in runs for aspect in run.kinds})
@@ -365,7 +365,7 @@ def _rows(
 
 
 def listing(seed: int, runs: Sequence[SceneRun]) -> list[str]:
-    """Return lines on every scene that has a fault or is not complete."""
+    """Return lines about each scene that has a fault or is not complete."""
     lines = []
     for run in runs:
         if run.complete and not run.faults:
@@ -378,7 +378,7 @@ def listing(seed: int, runs: Sequence[SceneRun]) -> list[str]:
 
 
 def record(seed: int, runs: Sequence[SceneRun], asked: int) -> dict[str, Any]:
-    """Return all runs for JSON."""
+    """Return all results for JSON."""
     return {
         "seed": seed,
         "asked": asked,

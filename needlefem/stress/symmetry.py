@@ -1,4 +1,4 @@
-"""Images of a scene that must give the image of its answer: mirrored, turned, in other units."""
+"""Symmetric images of a scene, whose results must be the images of its result."""
 
 import dataclasses
 import tempfile
@@ -19,14 +19,14 @@ from needlefem.stress.inputfiles import write_drawn_case
 from needlefem.stress.scenes import Fault, SceneAnswer, carry_out
 
 SAME = 1e-6
-"""Largest distance of the image of the answer from the answer of the image, over the depth."""
+"""Largest distance between the image of the result and the result of the image, over the depth."""
 NUDGE = 1e-9
-"""Relative change of the needle's forces, and of its entry over the depth, that tells scenes with
-several solutions: there it moves the answer by more than `SAME`, a thousand times as much."""
+"""Relative change of the needle's forces, and of its entry over the depth, that detects scenes with
+several solutions: their result then changes by more than `SAME`, a thousand times as much."""
 ANGLE = 0.7
-"""Of the rotation, rad."""
+"""Angle of the rotation, rad."""
 UNITS = Units(length=10.0 / 3.0, force=0.07, time=11.0)
-"""Of the scaled scene."""
+"""Factors of the scaled scene."""
 
 
 def check_symmetry(
@@ -47,7 +47,7 @@ def check_symmetry(
 
 
 def distance(first: SceneAnswer, second: SceneAnswer, turn: Floats) -> tuple[float, str]:
-    """Return how far two answers are apart, over the first's depth, and in what.
+    """Return the largest difference of two results, over the first's depth, and its quantity.
 
     The first is turned and scaled by `turn`, shape (2, 2), before.
     """
@@ -89,9 +89,9 @@ def _moved(
 
 
 def turned_mesh(mesh: SkfemMesh, turn: Floats) -> SkfemMesh:
-    """Return the mesh with its points multiplied by an orthogonal matrix, cells in their order."""
+    """Return the mesh with its points multiplied by an orthogonal matrix."""
     cells = mesh.t
-    if np.linalg.det(turn) < 0.0:  # keep the corners' sense of rotation
+    if np.linalg.det(turn) < 0.0:  # keep the orientation of the cells
         cells = cells[[0, *range(len(cells) - 1, 0, -1)]]
     return type(mesh)(
         np.ascontiguousarray(turn @ mesh.p),
@@ -102,7 +102,7 @@ def turned_mesh(mesh: SkfemMesh, turn: Floats) -> SkfemMesh:
 
 
 def turned_scene(scene: Scene, turn: Floats) -> Scene:
-    """Return the scene with all its points and directions multiplied by an orthogonal matrix.
+    """Return the scene with all points and directions multiplied by an orthogonal matrix.
 
     Its mesh has to be turned as well, and given to the model.
     """
@@ -126,7 +126,7 @@ def turned_scene(scene: Scene, turn: Floats) -> Scene:
 
 
 def _sensitive(case: DrawnCase, scene: Scene, model: TissueModel, answer: SceneAnswer) -> bool:
-    """Say whether a change of the scene by `NUDGE` moves its answer by more than `SAME`."""
+    """Return whether a change of the scene by `NUDGE` changes its result by more than `SAME`."""
     needle = scene.needle
     for sign in (1.0, -1.0):
         factor = 1.0 + sign * NUDGE

@@ -39,7 +39,14 @@ def at(insertion: Insertion, depth: float, last: bool = False) -> int:
 def test_in_and_out(organ: Scene, integrator: str) -> None:
     found = moving(organ, *IN_AND_OUT, **{"discretization.integrator": integrator})
     assert found.outcome.status is Status.COMPLETED
-    assert kinds(found) == ["puncture", "full_stick", "release", "retraction_start", "full_slip", "exit"]
+    assert kinds(found) == [
+        "puncture",
+        "full_stick",
+        "release",
+        "retraction_start",
+        "full_slip",
+        "exit",
+    ]
     last, seed = found.states[-1], found.seeds[0]
     assert last.tip_phase is TipPhase.OUTSIDE
     assert last.force == 0.0
