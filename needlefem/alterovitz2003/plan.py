@@ -144,8 +144,8 @@ def _warnings(simulation: NodeSimulation) -> list[str]:
         found.append("forces act on nodes: the result does not converge under refinement")
     if simulation.waited:
         found.append(
-            f"in {simulation.waited} of {simulation.time_steps} steps the tip held for want of a "
-            "node that could follow it"
+            f"in {simulation.waited} of {simulation.time_steps} steps the tip could not advance, "
+            "because no node could follow it"
         )
     return found
 

@@ -87,7 +87,7 @@ def run(case: str) -> Table:
         note=f"{steps} steps, {found.contact_solves} contact solves, "
         f"{found.contact_solves / steps:.1f} a step; beside: {2e6 * BESIDE:g} um apart; "
         f"{ready.responses.size} rows known; "
-        "shares from a profile, which makes calls dearer"
+        "shares from a profile, which increases the cost of calls"
         + f"; {whole / warm:.0f} back-substitutions that find the factor in the cache"
         + (f"; an insertion may take {MOST:g} back-substitutions" if bound else ""),
         charts={

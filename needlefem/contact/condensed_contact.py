@@ -471,15 +471,15 @@ def _affine(part: Floats, forces: Floats) -> Floats:
 def straight_contact(
     instrument: NeedleInterface, responses: ComplianceOperator, count: int
 ) -> CondensedContact:
-    """Return a contact with a path of equal pieces along the needle's line, without forces.
+    """Return a contact with equal segments along the insertion axis, without forces.
 
     Parameters
     ----------
     instrument : NeedleInterface
     responses : ComplianceOperator
-        Of the tissue.
+        Compliance of the tissue.
     count : int
-        Pieces, from the entry on.
+        Number of segments, from the entry.
     """
     axis, spacing = instrument.axis, instrument.spacing
     contact = CondensedContact(responses, axis.frame)

@@ -208,7 +208,7 @@ def check_entry(entry: Entry, direction: Vector, held: Ints) -> None:
         problem = f"the needle meets the skin at {place_text(entry.point)} almost along it"
         raise CaseError("motion.direction", problem, "choose a steeper direction")
     if entry.facet in held:
-        problem = f"the face at {place_text(entry.point)} is held by a support"
+        problem = f"the face at {place_text(entry.point)} is fixed by a support"
         raise CaseError("motion.entry", problem, "enter through a free face")
 
 

@@ -205,10 +205,10 @@ def faults_of(scene: Scene, command: str, insertion: Insertion) -> Iterator[Faul
     if not insertion.outcome.sentence:
         yield Fault(requirement="a sentence", detail=f"none with {insertion.outcome.status}")
     if not energies.residual <= ENERGY:
-        detail = f"{energies.residual:.2e} of the turnover"
+        detail = f"{energies.residual:.2e} of the total absolute work"
         yield Fault(requirement="energy residual", detail=detail)
     if not energies.largest_energy_gain <= ENERGY:
-        detail = f"a step creates {energies.largest_energy_gain:.2e} of the turnover"
+        detail = f"a step creates {energies.largest_energy_gain:.2e} of the total absolute work"
         yield Fault(requirement="energy created", detail=detail)
     if command == "run" and insertion.outcome.status is Status.COMPLETED:
         wanted = motion_stages(scene.motion)[-1].end

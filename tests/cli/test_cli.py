@@ -107,7 +107,7 @@ def test_mistakes_end_with_2_and_one_line(
         ("supports.walls.faces=[]", "leave 3 rigid motions of the tissue free"),
         ('regions.prostate.offset=["1 cm", "2 cm"]', "the contour leaves the mesh"),
         ("mesh.divisions=[1, 1]", "no mesh cell lies in the contour"),
-        ("motion.direction=[1.0, 0.0]", "is held by a support"),
+        ("motion.direction=[1.0, 0.0]", "is fixed by a support"),
         (
             "materials.fat.poissons_ratio=0.5",
             "P1 can't be used for incompressible tissue; use a mixed element",

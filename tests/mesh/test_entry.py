@@ -55,5 +55,5 @@ def test_grazing_and_held_entries_are_refused() -> None:
         check_entry(found, flat, np.array([], dtype=np.intp))
     straight = entry_along(mesh, np.array([0.3, 0.5]), np.array([0.0, 1.0]))
     assert straight is not None
-    with pytest.raises(CaseError, match="is held by a support"):
+    with pytest.raises(CaseError, match="is fixed by a support"):
         check_entry(straight, np.array([0.0, 1.0]), np.array([straight.facet]))

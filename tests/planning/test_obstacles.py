@@ -157,5 +157,5 @@ def test_a_needle_can_not_enter_through_held_tissue(gel: Scene) -> None:
             "supports": {**gel.supports, "plate": Support(regions=("plate",))},
         },
     )
-    with pytest.raises(CaseError, match="is held by a support"):
+    with pytest.raises(CaseError, match="is fixed by a support"):
         plan(scene)

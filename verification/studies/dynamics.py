@@ -25,7 +25,7 @@ BOUND = 1e-5
 SLOW = 0.005
 """The paper's speed, m/s."""
 CYCLES, LEAK, GIVEN = 20, 1e-9, 1e-9
-"""Times to and fro; what may be missing, and what contact may give in a step, of the turnover."""
+"""Cycles; largest energy residual, and largest energy gain in a step, over the absolute work."""
 NEAR = 0.01
 """Difference of the force after them to that without inertia."""
 

@@ -18,7 +18,7 @@ PIECES, WEAKENING, STEP = 5, 1e-4, 0.01
 that pieces stick and slip; time step, s."""
 DRIFT, GROWTH, GIVEN = 1e-2, 0.02, 1e-8
 """Change of force and kinetic energy at rest over the second half, relative to them; largest growth
-of memory after a tenth of the steps; energy given in a step, of the turnover."""
+of memory after a tenth of the steps; energy gain in a step over the total absolute work."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
