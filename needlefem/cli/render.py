@@ -153,10 +153,10 @@ def _refuse_unused(options: argparse.Namespace, path: Path) -> None:
     """Refuse what the kind of picture would ignore, and numbers that make none."""
     moving = ("frames", "rate")
     if options.setup:
-        names = ("beside", "field", "texture", "time", "depth", "panels", *moving)
+        names = ("compare", "field", "texture", "time", "depth", "panels", *moving)
         refuse_unused_options(options, [(n, "--setup draws the scene alone") for n in names])
     if options.panels is not None:
-        whole = ("beside", "time", "depth", *moving)
+        whole = ("compare", "time", "depth", *moving)
         refuse_unused_options(options, [(n, "panels show the whole motion") for n in whole])
         if not 1 <= options.panels <= MOST_PANELS:
             remedy = f"give 1 to {MOST_PANELS}"
