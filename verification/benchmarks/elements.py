@@ -1,4 +1,4 @@
-"""Which element is worth its time: error against seconds in static and modal problems."""
+"""Error against seconds of elements in static and modal problems."""
 
 from needlefem.checks import ELEMENTS
 from needlefem.studies import Table

@@ -14,11 +14,11 @@ MOST = 1.5
 HEAVY = (
     "scipy.optimize", "scipy.stats", "scipy.spatial", "meshio", "pyvista", "matplotlib", "rich",
 )  # fmt: skip
-"""What a plan does not need."""
+"""Modules that a plan does not need."""
 
 
 def run(case: str) -> Table:
-    """Time processes of their own, in turn."""
+    """Time separate processes in turn."""
     codes = {
         "import needlefem": "import needlefem",
         "import numpy": "import numpy",

@@ -1,4 +1,4 @@
-"""Which integrator is worth its time: error against seconds in waves and vibrations."""
+"""Error against seconds of integrators in wave and vibration problems."""
 
 from needlefem.checks import INTEGRATORS
 from needlefem.studies import Table

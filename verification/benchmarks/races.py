@@ -1,4 +1,4 @@
-"""Error against seconds over the races of the reference problems."""
+"""Error against seconds in the work-precision comparisons of the reference problems."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,13 +11,13 @@ from needlefem.studies import Table
 
 PROBLEMS = "verification"
 ENOUGH = 1.2
-"""Seconds beyond which an entrant goes to no finer level."""
+"""Seconds above which an entrant does not solve finer levels."""
 ROUNDS = 5
 FACTOR = 1.25
-"""By which another must be faster before it is said to beat a default: timings are noisy."""
+"""Factor in time by which another entrant must be faster than a default to be better."""
 
 Times = Mapping[str, float]
-"""Seconds to a race's target by entrant."""
+"""Seconds to the target error, by entrant."""
 
 
 def table_of(about: str, folder: str) -> Table:
@@ -62,7 +62,7 @@ def _races(about: str, folder: str) -> list[WorkPrecision]:
 
 
 def _run(race: WorkPrecision) -> list[Point]:
-    """Return the points of all entrants, level by level, until they take too long."""
+    """Return the points of all entrants by level, up to the time limit."""
     points: list[Point] = []
     running = list(race.entrants)
     for level in race.levels:
@@ -96,7 +96,7 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _beaten(race: WorkPrecision, means: Times) -> list[str]:
-    """Say which defaults another of their rivals beats."""
+    """Return sentences about defaults that are slower than one of their rivals."""
     found = []
     for name in race.defaults:
         rivals = next((r for r in race.rivals if name in r), list(means))
@@ -107,7 +107,7 @@ def _beaten(race: WorkPrecision, means: Times) -> list[str]:
 
 
 def _chart(race: WorkPrecision, points: Sequence[Point]) -> str:
-    """Draw error over seconds; points that no other beats are ringed."""
+    """Return a chart of error against seconds; points of the front are highlighted."""
     lines, best = [], front(points)
     for name in race.entrants:
         own = [p for p in points if p.entrant == name and p.error > 0.0]

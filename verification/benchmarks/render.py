@@ -1,4 +1,4 @@
-"""What an animation costs beside the bare PyVista loop that renders the same frames."""
+"""Cost of an animation relative to a minimal PyVista loop that renders the same frames."""
 
 import tempfile
 import time
@@ -26,13 +26,13 @@ SIZE = (1280, 720)
 RATE = 12.0
 ROUNDS = 3
 MOST = 1.3
-"""Largest ratio to the bare loop."""
+"""Largest ratio to the minimal loop."""
 VARIANTS = ((), ("discretization.element=P2",), ("mesh.divisions=[84, 84]",))
 """Changes of the case: as it is, with curved edges, with ten times as many cells."""
 
 
 class Bare:
-    """Meshes and plotter that are there from the start, and their points in every frame."""
+    """Prepared meshes and plotter, with the points of each frame."""
 
     def __init__(self, film: Timeline, shot: RenderOptions) -> None:
         times = frame_times([film], FRAMES)
@@ -48,7 +48,7 @@ class Bare:
             self._frames.append([(mesh.points.copy(), _scalars(mesh)) for mesh in self._meshes])
 
     def frames(self) -> Iterator[Image]:
-        """Yield the frames of the bare loop."""
+        """Yield the frames of the minimal loop."""
         for frame in self._frames:
             for mesh, (points, scalars) in zip(self._meshes, frame, strict=True):
                 mesh.points = points
@@ -58,7 +58,7 @@ class Bare:
             yield self._plotter.screenshot(return_img=True)
 
     def close(self) -> None:
-        """Give the window back."""
+        """Close the window."""
         self._plotter.close()
 
 

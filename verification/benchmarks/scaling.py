@@ -1,4 +1,4 @@
-"""What a plan costs as the tissue's mesh grows, elements along the needle staying the same."""
+"""Cost of a plan for meshes of increasing size with the same elements along the needle."""
 
 import dataclasses
 import json
@@ -23,14 +23,14 @@ from needlefem.scene import Scene, build_mesh, resolve
 from needlefem.studies import Table
 
 SIZES = (20_000, 200_000, 1_000_000)
-"""Unknowns, about."""
+"""Approximate numbers of unknowns."""
 ROUNDS = 5
 SLOWER, TIME_SLOPE, MEMORY_SLOPE, FACTORISATIONS = 2.0, 1.35, 1.15, 6.0
 """Largest ratio of an insertion's time to that of the smallest mesh, largest slopes of a cold
 plan's time and memory over the unknowns, and most factorisations that it may take at the end."""
 CAREFUL, CLOSE = 0.5, 0.97
-"""Share of what is wanted that a round aims at, as neighbours are cut too; share of the wanted
-unknowns at which a mesh is large enough."""
+"""Share of the missing unknowns in a round of refinement, as neighbours are refined too; share of
+the requested unknowns at which a mesh is large enough."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _in_process(case: str, size: int) -> Measured:
 
 
 def report(case: str, size: str) -> None:
-    """Print what one size costs as JSON."""
+    """Print the cost of one size as JSON."""
     sys.stdout.write(json.dumps(dataclasses.asdict(measure(load_case(case), int(size)))))
 
 

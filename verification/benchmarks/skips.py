@@ -1,4 +1,4 @@
-"""What is left out when a scene doesn't need it: time with and without, and the difference."""
+"""Computations that a plan omits: time with and without them, and the difference of results."""
 
 import dataclasses
 import subprocess

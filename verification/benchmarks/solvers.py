@@ -1,4 +1,4 @@
-"""What the factorisation costs, with all that can do it, beside SuperLU's defaults."""
+"""Cost of the factorisation with each solver, relative to the defaults of SuperLU."""
 
 import dataclasses
 from collections.abc import Callable
@@ -32,7 +32,7 @@ class Default:
 
     @property
     def entries(self) -> int:
-        """Entries of both factors."""
+        """Number of entries of both factors."""
         return int(self._factor.L.nnz + self._factor.U.nnz)
 
 
@@ -50,7 +50,7 @@ class _Costs:
 
 
 def run(case: str) -> Table:
-    """Factorise the case's tissue with every element and all that can do it."""
+    """Factorise the case's tissue with each element and each solver."""
     scene = load_case(case)
     rows: list[list[Any]] = []
     for name, element in CATALOGUE.items():

@@ -14,7 +14,7 @@ from needlefem.studies import Table
 
 ROUNDS = 5
 TURNS = 4
-"""Times that the needle turns back and comes again."""
+"""Number of reversals of the needle."""
 SHARE = (0.7, 0.5)
 """Of the largest depth: how far in, and how far back."""
 TURNED = "marched in, then turned back and in again"

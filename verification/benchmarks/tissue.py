@@ -1,4 +1,4 @@
-"""What a time step of the tissue costs beside the products and the solve it can't do without."""
+"""Cost of a time step of the tissue relative to its necessary products and solution."""
 
 import dataclasses
 from collections.abc import Callable
@@ -25,10 +25,10 @@ from needlefem.scene import BoxMesh, Scene, resolve, with_element
 from needlefem.studies import Table
 
 SIZES = (1_300, 20_000, 200_000)
-"""Unknowns, about."""
+"""Approximate numbers of unknowns."""
 ROUNDS = 15
 WORK = 1e6
-"""Unknowns times steps of one timing."""
+"""Product of unknowns and steps in one timing."""
 MOST = 1.2
 """Largest ratio of a damped Newmark step to its two products and its back-substitution."""
 STEP = 1e-3

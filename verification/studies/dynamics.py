@@ -27,17 +27,17 @@ SLOW = 0.005
 CYCLES, LEAK, GIVEN = 20, 1e-9, 1e-9
 """Cycles; largest energy residual, and largest energy gain in a step, over the absolute work."""
 NEAR = 0.01
-"""Difference of the force after them to that without inertia."""
+"""Largest relative difference of the force after the cycles from that without inertia."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return differences over the speed, landings of a snap, and a long motion."""
+    """Return differences by speed, positions after a rupture, and a long motion."""
     del other
     return [*(over_speed(scene, name) for name in DYNAMIC), landings(scene), at_length(scene)]
 
 
 def moving(scene: Scene, integrator: str, speed: float, damping: Rayleigh) -> Scene:
-    """Return the scene at a speed, stepped with inertia or without."""
+    """Return the scene at a speed, in time steps with or without inertia."""
     changes = {
         "discretization.integrator": integrator,
         "discretization.time_step": TRAVEL / speed,
@@ -55,7 +55,7 @@ def inserted(scene: Scene, depth: float) -> Insertion:
 
 
 def over_speed(scene: Scene, integrator: str) -> Table:
-    """Return the difference of the material points at the tip, over the speed."""
+    """Return the difference of the material points at the tip, for each speed."""
     fine = vary(scene, {"discretization.path_spacing": 0.25 * scene.discretization.path_spacing})
     depth = 0.6 * scene.motion.max_depth
     path = TipTrajectory(inserted(fine, depth + 3e-3))
@@ -84,7 +84,7 @@ def over_speed(scene: Scene, integrator: str) -> Table:
 
 
 def landings(scene: Scene) -> Table:
-    """Return how the tip snaps where tissue is hard to cut and slides easily."""
+    """Return the rupture in tissue with a large cutting force and small friction."""
     needle = scene.needle
     changes = {
         "needle.cutting_force": HARD * needle.cutting_force,
@@ -120,7 +120,7 @@ def leap(found: Insertion) -> tuple[float, float]:
 
 
 def at_length(scene: Scene) -> Table:
-    """Return forces at rest and energies of a needle that goes in, to and fro, and out."""
+    """Return forces at rest and energies of insertion, cycles and retraction."""
     depth, back = 0.4 * scene.motion.max_depth, 0.3 * scene.motion.max_depth
     to_and_fro = (Stage(dwell=1.0), Stage(depth=back), Stage(dwell=1.0), Stage(depth=depth))
     stages = (Stage(depth=depth), *(CYCLES * to_and_fro), Stage(depth=0.0), Stage(dwell=5.0))

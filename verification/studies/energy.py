@@ -9,7 +9,7 @@ IDENTITY, CONSISTENT, TRAPEZOIDAL = 1e-10, 1e-6, 2e-2
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return residuals over three path spacings."""
+    """Return residuals for three path spacings."""
     del other
     rows: list[list[object]] = []
     for factor in (1.0, 0.5, 0.25):

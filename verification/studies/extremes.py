@@ -1,7 +1,7 @@
 """Every element under extremes: incompressibility, contrast, slivers, needles on mesh lines.
 
-All but the needle's rows are independent of the case. A number is an error; it must be small,
-or the element's row in the catalogue must say that it is not made for this.
+Only the columns of the needle depend on the case. Each number is an error. It must be small, or the
+catalogue must state that the element is not suitable for this situation.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ CONTRASTS = (1e3, 1e6)
 ASPECTS = (10.0, 100.0, 1000.0)
 CONTRAST_BOUND, ASPECT_BOUND, LINE_BOUND = 1e-7, 1e-10, 1e-6
 BESIDE = 1e-9
-"""Distance from a mesh line, in element sizes, at which the answer must be the same."""
+"""Distance from a mesh line, in element sizes, at which the result must be equal."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
@@ -77,7 +77,7 @@ def _locking(element: ElementType, ratio: float) -> float:
 
 
 def _contrast(element: ElementType, contrast: float) -> float:
-    """Return the relative error of a pressed bar, one half of which is stiffer."""
+    """Return the relative error of a compressed bar with a stiffer half."""
     moved, exact = two_material_bar(element, contrast)
     return abs(moved / exact - 1.0)
 

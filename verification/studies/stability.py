@@ -1,8 +1,8 @@
-"""Extreme parameters and meshes: every row has a status, and none is quietly wrong.
+"""Extreme parameters and meshes: each result has a status, and no large error is unannounced.
 
-Each scene is planned as it stands, and the plan is carried out on a fine discretisation of the
-same physics. An error there of more than half a millimetre must have been announced, by the
-plan's status, a refusal or a warning.
+Each scene is planned, and the plan is carried out on a fine discretisation of the same model. If
+the error there is larger than half a millimetre, the plan must have a status other than `planned`,
+a failed check or a warning.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from needlefem.scene import Scene, field_of, one_contour_size, resolve, vary
 from needlefem.studies import Table
 
 LARGEST_QUIET_ERROR = 5e-4
-"""Error on the fine discretisation that needs no announcement, m."""
+"""Largest error on the fine discretisation without a warning, m."""
 COLUMNS = ("scene", "status", "ledger", "error on the fine mesh (cm)", "warnings", "told")
 
 
@@ -75,7 +75,7 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
 
 
 def fine(scene: Scene) -> Scene:
-    """Return the same physics on a discretisation that resolves the needle twice as well."""
+    """Return the same model on a discretisation with half of the element size at the needle."""
     radius = scene.needle.tip_radius
     return vary(
         scene,

@@ -14,8 +14,8 @@ from verification.studies.dynamics import DAMPING, LEAK, SLOW, moving
 
 STEPS = 100_000
 PIECES, WEAKENING, STEP = 5, 1e-4, 0.01
-"""Of the path, long ones, for there are many steps; slip over which friction falls, m, so short
-that pieces stick and slip; time step, s."""
+"""Number of segments (few, as there are many steps); slip-weakening distance, m, so short that the
+segments stick and slip; time step, s."""
 DRIFT, GROWTH, GIVEN = 1e-2, 0.02, 1e-8
 """Change of force and kinetic energy at rest over the second half, relative to them; largest growth
 of memory after a tenth of the steps; energy gain in a step over the total absolute work."""
@@ -28,7 +28,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 
 
 def stepped(scene: Scene, integrator: str, steps: int) -> Table:
-    """Return the table of so many steps by an integrator."""
+    """Return the table for a number of steps of an integrator."""
     deep, back = 0.4 * scene.motion.max_depth, 0.3 * scene.motion.max_depth
     once = (Stage(dwell=1.0), Stage(depth=back), Stage(dwell=1.0), Stage(depth=deep))
     cycles = int(np.ceil(steps * STEP / (2.0 * (1.0 + (deep - back) / SLOW))))
@@ -66,7 +66,7 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
 
 
 def _rests(course: InsertionRun, deep: float) -> Iterator[list[float]]:
-    """Yield a row for the end of every rest at a depth."""
+    """Yield a row for the end of each rest at a depth."""
     number, stuck, old, tip = 0, 0, None, np.zeros(course.model.dim)
     for count, state in enumerate(course.iterate()):
         course.take_events()
@@ -83,7 +83,7 @@ def _rests(course: InsertionRun, deep: float) -> Iterator[list[float]]:
 
 
 def _stick(before: Ints | None, after: Ints | None) -> int:
-    """Return how many pieces slid before and stick after."""
+    """Return the number of segments that slid before and stick after."""
     if before is None or after is None:
         return 0
     both = min(len(before), len(after))

@@ -1,8 +1,8 @@
 """A train of seeds: where each rests, simulated, and by the shortcut for the first.
 
-A release on the way in, or at the end of it, stays in the material that was at the tip. On the
-way back friction has turned round: the tissue comes along, and at the same place of the world
-the tip is in other material than it was on the way in.
+A seed that is released during the insertion, or at its end, remains in the material at the tip.
+During the retraction the friction has the opposite direction and displaces the tissue. At the same
+position in space the tip is then in other material than during the insertion.
 """
 
 import numpy as np
@@ -14,11 +14,11 @@ from needlefem.studies import Table
 
 SEEDS = 5
 REST = 1e-9
-"""Largest distance of a seed from its material when the needle is out, over the depth."""
+"""Largest distance of a seed from its material after the retraction, relative to the depth."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return where five seeds rest that are laid while retracting from the largest depth."""
+    """Return the final positions of five seeds that are released during the retraction."""
     del other
     deep = 0.75 * scene.motion.max_depth
     pitch = 0.8 * deep / (SEEDS - 1)
