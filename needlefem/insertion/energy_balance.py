@@ -1,16 +1,9 @@
-"""The energy ledger: where the needle's work goes, every term from its own definition.
+"""Energy balance of an insertion: the work of the needle, and each term from its own definition.
 
-Work of the needle = strain energy + energy of the lateral hold + friction + cutting + snaps +
-capture. All but the last are self-explanatory; capture is ``lateral force x gap / 2`` of
-freshly cut material that the hold catches beside the axis: the tip follows the axis with its
-kernel's mean, the shaft with its own line, and the hold closes the gap between the two. It is
-negative, for it feeds the tissue, and below 0.1 % of the work on a resolved mesh.
-
-Over a step from state 0 to state 1 the tip's dissipation is ``mean(R) e.dX`` plus the work of R
-against the displacement gradient along dX. With the gradient part written as ``ubar(X1) -
-ubar(X0)``, each field weighted by the other state's force, the ledger is an identity; with the
-trapezoidal rule on ``e.grad(ubar) dX`` it closes to second order in each step. The first is the
-default, the second an independent check of it.
+Path following: the dissipation of the tip over a step from state 0 to state 1 is ``mean(R) e.dX``
+plus the work of R against the displacement gradient along dX. With the gradient term written as
+``ubar(X1) - ubar(X0)``, each field weighted by the force of the other state, the balance is an
+identity. With the trapezoidal rule it closes to second order in each step: an independent check.
 """
 
 import dataclasses
@@ -182,17 +175,13 @@ class _Step:
         return np.array(rates) if length else np.zeros(2)
 
 
-# The energy balance of any motion, step by step and in constant memory.
+# Energy balance of any motion, step by step and in constant memory.
 #
-# The terms are those of `insertion/energy_balance.py`. Forces are taken as their means over a step,
-# every functional of the displacement that carries a force at either end as itself. What
-# the needle fills in part is a different functional at both ends; its friction is that of both
-# slips, and its lateral hold gives or takes ``force x gap / 2`` of what it catches or lets go.
-#
-# The tip's force is unilateral: it acts only while the needle's tip touches the material at the
-# crack front, ``R >= 0, gap >= 0, R gap = 0``. Where the gap opens or closes within a step, the
-# mean of both ends' forces times the needle's travel would count work over the gap, which does not
-# exist; it is left out of the needle's work (``apart``). The rest is the work on the tissue.
+# Forces enter with their mean over a step. A segment that the needle fills in part is another
+# functional at the end of the step: its friction is that of both slips, and its lateral penalty
+# adds or removes ``force x gap / 2``. The tip force is unilateral, ``R >= 0, gap >= 0, R gap = 0``.
+# Where the gap opens or closes within a step, the work over the gap (``apart``) is not work on the
+# tissue and is subtracted.
 
 
 @dataclasses.dataclass(frozen=True)
