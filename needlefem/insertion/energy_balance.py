@@ -27,9 +27,9 @@ from needlefem.insertion.step_equations import Field
 # F    friction, mean(t) (ds - du.e)
 # C, R cutting and rupture: work of the tip force R against dX in the mean of both fields
 # A    contact activation, lambda gap / 2 of new segments
-# Source: definitions of the terms; docs/theory.md, equations (12) to (17).
+# Source: docs/theory.md, equations (12) to (17).
 def energy_terms(insertion: Insertion, *, trapezoidal: bool = False) -> EnergyTerms:
-    """Return the energy ledger of an insertion; stepping keeps its own on the way.
+    """Return the energy terms of an insertion; time stepping has summed its own.
 
     Parameters
     ----------
@@ -229,21 +229,19 @@ class EnergyBalance:
     Parameters
     ----------
     pieces : sequence of ContactSegment
-        Of the whole path; may grow.
+        Those of the whole path; their number may grow.
     give : float
-        Compliance of sticking over that of the lateral hold.
+        Compliance of the tangential penalty over that of the lateral penalty.
     inertial : bool
-        Whether what sticks may have had another velocity than the needle: what friction takes
-        of it in that step is capture (where sticking is rigid).
+        Whether the velocity may jump when a segment sticks (contact activation).
 
     Attributes
     ----------
     smallest_dissipation : float
-        The least of `EnergyIncrement.least`.
+        Smallest `EnergyIncrement.smallest_dissipation`.
     largest_mismatch : float
         Largest difference of a step's work from all that it was spent on (elastic tissue).
     total_absolute_work : float
-        Work of all steps, whatever its sign.
     """
 
     pieces: Sequence[ContactSegment]
