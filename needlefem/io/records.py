@@ -135,7 +135,7 @@ def energy_record(found: EnergyTerms) -> dict[str, Any]:
     """Return the terms of an energy ledger, J (J/m in 2D), and how well it closes."""
     return dataclasses.asdict(found) | {
         "residual": found.residual,
-        "given": found.largest_energy_gain,
+        "largest_energy_gain": found.largest_energy_gain,
     }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from needlefem._toml import key_parts
 from needlefem.errors import CaseError, nearest, short
 from needlefem.scene.schema import KEYS, Scene
-from needlefem.scene.version_1 import OldWord, renewed_path, renewed_value, report
+from needlefem.scene.version_1 import OldWord, renewed_case, renewed_path, report
 from needlefem.validation import dotted, made
 
 ALIASES = {key: name for name, key in KEYS.items()} | {"background": "default_material"}
@@ -39,7 +39,7 @@ def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     tree, old = _Change(), list[OldWord]()
     for name, value in changes.items():
         path = _path(name, old)
-        tree.add(path, renewed_value(value, old, path))
+        tree.add(path, renewed_case(value, old, tuple(path)))
     if old:
         warnings.warn(report(old, "vary"), FutureWarning, stacklevel=2)
     varied: Scene = tree.applied(scene, "")

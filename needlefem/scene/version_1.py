@@ -131,9 +131,10 @@ def renewed_case(node: Any, found: list[OldWord], path: Path = ()) -> Any:
     CaseError
         A table has a key in both versions.
     """
-    if isinstance(node, list):
-        return [renewed_case(item, found, (*path, str(i))) for i, item in enumerate(node)]
-    if not isinstance(node, Mapping):
+    if isinstance(node, list | tuple):
+        items = (renewed_case(item, found, (*path, str(i))) for i, item in enumerate(node))
+        return tuple(items) if type(node) is tuple else list(items)
+    if not isinstance(node, dict):
         return renewed_value(node, found, path)
     table: dict[str, Any] = {}
     for key, value in node.items():

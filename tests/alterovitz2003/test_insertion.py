@@ -121,7 +121,7 @@ def test_a_step_of_the_moved_tissue_is_newmarks(organ: Scene) -> None:
     response = tissue.respond(insertion.chain.tip, tip)
     start = tissue.motion
     tissue.finish(response, np.zeros(len(response.free)))
-    free = stepper.free_motion(start)
+    free = stepper.free_displacement(start)
     assert tissue.motion.u == pytest.approx(free, abs=1e-11 * np.abs(free).max())
 
 
@@ -186,7 +186,7 @@ def test_nodes_return_home_when_the_needle_is_gone(organ: Scene) -> None:
     assert np.array_equal(tissue.mesh.stiffness, mesh.stiffness)
     still = insertion.tissue.motion
     assert np.abs(still.u).max() < 1e-3 * deepest.depth
-    with pytest.raises(SimulationError, match="can't be pushed in again"):
+    with pytest.raises(SimulationError, match="can't be inserted again"):
         insertion.advance(0.01)
 
 

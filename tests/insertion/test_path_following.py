@@ -175,7 +175,7 @@ def test_snap_ends_where_the_branch_at_cutting_force_comes_back(popping: Scene) 
     simulation = Simulation(centred)
     entry = simulation.entry_of_case()
     insertion = simulation.insert(entry)
-    snap = insertion.snaps[0]
+    snap = insertion.ruptures[0]
     from needlefem.insertion import PathFollowing
 
     march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
@@ -198,7 +198,7 @@ def test_a_snap_begins_at_the_largest_depth(popping: Scene) -> None:
     """Steps of many lengths from the state before it reach no depth beyond."""
     simulation = Simulation(popping)
     entry = simulation.entry_of_case()
-    snap = simulation.insert(entry).snaps[0]
+    snap = simulation.insert(entry).ruptures[0]
     from needlefem.insertion import PathFollowing
 
     march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)

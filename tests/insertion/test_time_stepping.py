@@ -211,7 +211,7 @@ def test_snap_and_puncture_are_events(popping: Scene) -> None:
     march = moving(popping)
     steps = moving(popping, **{"discretization.integrator": "quasi_static"})
     for found in (march, steps):
-        assert kinds(found)[:2] == ["puncture", "snap"]
+        assert kinds(found)[:2] == ["puncture", "rupture"]
     ours, theirs = steps.events[1], march.events[1]
     assert ours.depth == pytest.approx(theirs.depth, abs=1e-7)
     assert ours.point == pytest.approx(theirs.point, abs=1e-7)
@@ -301,15 +301,18 @@ def test_a_penalty_that_is_too_stiff_is_refused_with_one_that_is_not(organ: Scen
 @pytest.mark.parametrize(
     ("stages", "says"),
     [
-        (({},), r"motion\.stages\[0\]: needs either 'to' or 'hold'"),
+        (({},), r"motion\.stages\[0\]: needs either 'depth' or 'dwell'"),
         ((Stage(depth=0.5),), "beyond motion.max_depth"),
         (
             (Stage(depth=0.02), Stage(depth=0.01, seed_count=5, seed_spacing=0.005)),
             "no room for 5 seeds",
         ),
-        (({"hold": 1.0, "speed": 1.0},), r"motion\.stages\[0\]\.speed: the needle rests"),
-        (({"hold": 1.0, "train": 3},), r"motion\.stages\[0\]\.train: the needle rests"),
-        (({"to": 0.01}, {"to": 0.02, "pitch": 1e-3}), r"stages\[1\]\.pitch: .* without 'train'"),
+        (({"dwell": 1.0, "speed": 1.0},), r"motion\.stages\[0\]\.speed: the needle rests"),
+        (({"dwell": 1.0, "seed_count": 3},), r"motion\.stages\[0\]\.seed_count: the needle rests"),
+        (
+            ({"depth": 0.01}, {"depth": 0.02, "seed_spacing": 1e-3}),
+            r"stages\[1\]\.seed_spacing: .* without 'seed_count'",
+        ),
     ],
 )
 def test_motions_that_can_not_be(gel: Scene, stages: tuple[Any, ...], says: str) -> None:

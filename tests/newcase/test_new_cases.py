@@ -82,7 +82,7 @@ def test_a_corner_far_away_is_refused_before_a_mesh_is_made(
     assert main(["new", str(tmp_path / "new"), "--contour", *files, *line]) == 2
     said = capsys.readouterr().err
     assert re.search(r"--contour: a mesh for the box of 7.02 x 0.05 m .* [0-9]+0,000 cells", said)
-    assert "corner, 3 of 'organ' at (7, 0.02) m" in said
+    assert "vertex, 3 of 'organ' at (7, 0.02) m" in said
     assert said.count("\n") == 1
     assert not (tmp_path / "new").exists()
 
@@ -97,7 +97,7 @@ def test_the_estimate_of_cells_is_near_those_of_the_mesh() -> None:
         line = boxes.TargetLine(point, direction, box.depth_of(point, direction))
         box = boxes.with_room(box, line)
         sizes = boxes.contour_sizes(contours, 0.5e-3)
-        draft = boxes.BoxDraft(box, sizes, "centroid", "", line)
+        draft = boxes.BoxDraft(box, sizes, "by_centroid", "", line)
         made = build_mesh(boxes._trial(draft, contours)).nelements
         estimate = boxes._cells(box, contours, sizes, line)
         assert 0.6 * made < estimate < 1.6 * made
@@ -176,14 +176,14 @@ def test_a_label_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     [
         ("", "--target: missing; give a point ('12, -3.5, 40 mm') or a segment: Prostate, Tumour"),
         ("--target Tumor", "no segment 'Tumor'; did you mean 'Tumour'?"),
-        ("--target Tumour", "--direction: missing; give it ('0, 0.2, 1')"),
+        ("--target Tumour", "--direction: missing; give a direction ('0, 0.2, 1')"),
         ("--target Tumour --direction 0,0,0", "'0,0,0' is no direction"),
         ("--target 1,2,3 --direction 0,0,1", "'1,2,3' has no unit; write 3 numbers"),
         ("--target Tumour --direction 0,0,1 --segments prostate", "did you mean 'Prostate'?"),
         ("--target Tumour --entry 12,-31,70mm", "has no unit"),
         ("--target Tumour --direction 0,0,1 --margin -1_mm", "give a length above 0 and up to 1 m"),
         ("--target 12,-31,400_mm --direction 0,0,1", "(12, -31, 400) mm in LPS is outside the im"),
-        ("--target 12,-31,74_mm --entry 12,-31,70_mm", "reaches 1"),
+        ("--target 12,-31,74_mm --entry 12,-31,70_mm", "extends 1"),
         (
             "--target 45,-31,74_mm --direction 0,0,1 --across 0,1,0",
             "contains none of Prostate, Tumo",

@@ -84,7 +84,7 @@ def stepped(gel: Scene) -> Scene:
 
 def test_faults_are_seen(stepped: Scene) -> None:
     sound = simulate(stepped)
-    energies = dataclasses.replace(energy_terms(sound), least=0.0)
+    energies = dataclasses.replace(energy_terms(sound), smallest_dissipation=0.0)
     sound = dataclasses.replace(sound, energies=energies)
     assert list(faults_of(stepped, "run", sound)) == []
 
@@ -94,7 +94,7 @@ def test_faults_are_seen(stepped: Scene) -> None:
 
     wrong = dataclasses.replace(energies, work=energies.work * (1.0 + 1e-7))
     assert requirements(energies=wrong) == ["energy residual"]
-    wrong = dataclasses.replace(energies, least=-1e-8 * energies.total_absolute_work)
+    wrong = dataclasses.replace(energies, smallest_dissipation=-1e-8 * energies.total_absolute_work)
     assert requirements(energies=wrong) == ["energy created"]
     last = dataclasses.replace(sound.states[-1], depth=sound.states[-1].depth + 1e-6)
     assert requirements(states=(*sound.states[:-1], last)) == ["last depth"]

@@ -8,7 +8,7 @@ DEPTH = 0.04
 
 
 def pushed(run, friction, integrator, *more):
-    chosen = f"needle.shaft_friction={friction} kPa", f"discretisation.integrator={integrator}"
+    chosen = f"needle.shaft_friction={friction} kPa", f"discretization.integrator={integrator}"
     sets = [part for value in (*chosen, *more) for part in ("--set", value)]
     status, out, err = run("run", "case.toml", "--json", *sets)
     assert status == 0, err

@@ -11,9 +11,9 @@ MISFITS = {
     '{key="run.energy.nothing", value=1}': "run.energy.nothing none 1",
     '{key="run.depth.9999", value=1}': "run.depth.9999 none 1",
     '{key="run.status", value=[1, 2], tolerance=1}': "run.status completed (1, 2)",
-    '{key="run.tip", value=[1, 2], tolerance=1}': "run.tip a list of",
+    '{key="run.tip", value=[1, 2], tolerance=1}': "run.tip_phase a list of",
 }
-COARSE = ["mesh.divisions=[12, 12]", "discretisation.path_spacing=6 mm", "needle.tip_radius=6 mm"]
+COARSE = ["mesh.divisions=[12, 12]", "discretization.path_spacing=6 mm", "needle.tip_radius=6 mm"]
 
 
 def test_rows_say_what_is_there(folder, run):

@@ -10,7 +10,7 @@ def test_regions_are_the_physical_groups(folder: Path, run) -> None:
     case = tomllib.loads((folder / "mine" / "case.toml").read_text(encoding="utf-8"))
     assert list(case["regions"]) == ["organ"]
     assert sorted(case["materials"]) == ["fat", "organ"]
-    assert "there are floor, sides, skin" in (folder / "mine" / "case.toml").read_text()
+    assert "a list of: floor, sides, skin" in (folder / "mine" / "case.toml").read_text()
 
 
 def test_without_groups_all_is_background(folder: Path, run) -> None:

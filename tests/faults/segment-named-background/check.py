@@ -7,6 +7,6 @@ from pathlib import Path
 
 def test_two_materials(folder: Path, run: Callable[..., object]) -> None:
     case = tomllib.loads((folder / "mine" / "case.toml").read_text(encoding="utf-8"))
-    assert case["tissue"]["background"] == "background"
+    assert case["tissue"]["default_material"] == "background"
     assert case["regions"]["background 2"]["material"] == "background 2"
     assert {"background", "background 2"} < set(case["materials"])

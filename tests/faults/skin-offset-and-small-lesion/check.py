@@ -20,8 +20,8 @@ FILLED = {
     "needle.shaft_friction": "5 kPa",
 }
 SET = [word for key, value in FILLED.items() for word in ("--set", f"{key}={value}")]
-COARSE = ["--set", "discretisation.element=P1", "--set", "mesh.interfaces=centroid",
-          "--set", "discretisation.path_spacing=2 mm"]  # fmt: skip
+COARSE = ["--set", "discretization.element=P1", "--set", "mesh.interfaces=centroid",
+          "--set", "discretization.path_spacing=2 mm"]  # fmt: skip
 SAID = re.compile(r"entry at    \(([\d.]+), ([\d.]+)\) cm.*\n"
                   r"  release at  \(([\d.]+), ([\d.]+)\) cm, depth ([\d.]+) cm")  # fmt: skip
 

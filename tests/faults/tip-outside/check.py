@@ -4,13 +4,13 @@ import json
 
 MOTIONS = {
     "path following": (),
-    "time stepping": ("discretisation.integrator=quasi-static",),
+    "time stepping": ("discretization.integrator=quasi-static",),
     "through the far side": (
         "motion.entry=['3 cm','0 cm']", "motion.max_depth=20 cm", "supports.w.faces=['y_min']",
     ),
     "through the far side in time": (
         "motion.entry=['3 cm','0 cm']", "motion.max_depth=20 cm", "supports.w.faces=['y_min']",
-        "discretisation.integrator=quasi-static", "discretisation.path_spacing=8 mm",
+        "discretization.integrator=quasi-static", "discretization.path_spacing=8 mm",
         "mesh.divisions=[8,8]",
     ),
     "obliquely": ("motion.entry=['5 cm','0 cm']", "motion.direction=[0.6,0.8]"),
@@ -45,7 +45,7 @@ def test_what_there_is_can_be_written_and_drawn(folder, run):
 
 def test_nothing_is_placed_by_an_insertion_that_broke_off(folder, run):
     for integrator in ("march", "quasi-static"):
-        chosen = "--set", f"discretisation.integrator={integrator}"
+        chosen = "--set", f"discretization.integrator={integrator}"
         _, out, _ = run("run", "case.toml", *chosen)
         assert "nothing is placed, for the insertion broke off at a depth of" in out
         assert ": placed" not in out
