@@ -28,4 +28,4 @@ def test_without_groups_all_is_background(folder: Path, run) -> None:
     assert ended.status == 0, ended.err
     case = tomllib.loads((folder / "plain" / "case.toml").read_text(encoding="utf-8"))
     assert "regions" not in case
-    assert case["tissue"]["background"] == "background"
+    assert case["tissue"]["default_material"] == "background"

@@ -78,7 +78,7 @@ def test_constructors_check(folder, run):
         "motion.direction": lambda: Motion(direction=(0.0, math.nan), max_depth=0.1),
         "motion.max_depth": lambda: Motion(direction=(0.0, 1.0), max_depth=np.nan),
         "motion.stages": lambda: Stage(),
-        "motion.stages.pitch": lambda: Stage(depth=0.1, seed_spacing=0.1),
+        "motion.stages.seed_spacing": lambda: Stage(depth=0.1, seed_spacing=0.1),
         "mesh.divisions": lambda: BoxMesh(size=(1.0, 1.0, 1.0), divisions=(2, 2)),
         "mesh.cell": lambda: FileMesh(path="x.msh", unit=1.0, cell="hexagon"),
         "mesh.path": lambda: FileMesh(path=3, unit=1.0),
@@ -116,7 +116,7 @@ def test_arrays_units_and_directions_are_accepted(folder, run):
         "motion.stages": [{"to": "2 cm"}, Stage(dwell=1.0)],
         "target": [0.033, np.float64(0.033)],
         "mesh.divisions": np.array([8, 9]),
-        "discretization.integrator": "generalized_alpha",
+        "discretization.integrator": "generalised-alpha",
         "regions.gland.contour": scene.regions["gland"].contour.points,
     }
     found = vary(scene, given)
@@ -127,7 +127,7 @@ def test_arrays_units_and_directions_are_accepted(folder, run):
     assert found.target == (0.033, 0.033)
     assert found.mesh.divisions == (8, 9)
     assert type(found.mesh.divisions[0]) is int
-    assert found.discretization.integrator == "generalised-alpha"
+    assert found.discretization.integrator == "generalized_alpha"
     turned = dataclasses.replace(scene.motion, direction=[3.0, 4.0]).direction
     assert turned == (0.6, 0.8)
 
