@@ -183,14 +183,14 @@ RACES = [
         about=INTEGRATORS,
         entrants={
             **{name: _pushed(*choice) for name, choice in CHOICES.items()},
-            "quasi_static": _pushed(QuasiStatic(), False),
+            "quasi-static": _pushed(QuasiStatic(), False),
         },
         levels=(0, 1, 2, 3, 4),
         measure=lambda found: found,
         target=3e-3,
         group="slow motion",
-        defaults=("generalised-alpha 0.8", "quasi_static"),
-        rivals=(tuple(CHOICES), ("quasi_static",)),
+        defaults=("generalised-alpha 0.8", "quasi-static"),
+        rivals=(tuple(CHOICES), ("quasi-static",)),
     ),
 ]
 PROBLEM = Problem(

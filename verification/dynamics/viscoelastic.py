@@ -191,7 +191,7 @@ def energies() -> list[Quantity]:
     answers = []
     explicit = 0.9 * 2.0 / system.largest_frequency
     for name, integrator, step in (
-        ("quasi_static", QuasiStatic(), 0.05), ("Newmark", Newmark(), 0.02),
+        ("quasi-static", QuasiStatic(), 0.05), ("Newmark", Newmark(), 0.02),
         ("HHT -0.1", HHT(alpha=-0.1), 0.02),
         ("generalised-alpha 0.8", GeneralizedAlpha(rho_inf=0.8), 0.02),
         ("central difference", CentralDifference(), explicit),
@@ -208,7 +208,7 @@ def energies() -> list[Quantity]:
             Quantity(label=f"{name}: energy lost by relaxation over work",
                    value=ledger.relaxation / ledger.work, reference=0.0, at_least=True),
         ]  # fmt: skip
-        if name in ("Newmark", "quasi_static"):
+        if name in ("Newmark", "quasi-static"):
             share = abs(ledger.algorithmic / ledger.work)
             answers.append(
                 Quantity(

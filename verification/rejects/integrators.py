@@ -20,11 +20,11 @@ from needlefem.dynamics import (
 RIGHT: dict[str, Integrator] = {
     "Newmark": Newmark(),
     "HHT": HHT(alpha=-0.1),
-    "generalized_alpha": GeneralizedAlpha(rho_inf=0.8),
+    "generalised-alpha": GeneralizedAlpha(rho_inf=0.8),
     "central difference": CentralDifference(),
 }
 
-QUICK = ("generalized_alpha", "central difference")
+QUICK = ("generalised-alpha", "central difference")
 """Integrators of a quick run: an implicit and an explicit one."""
 
 
