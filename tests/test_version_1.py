@@ -31,7 +31,7 @@ axes = ["y", "z"]
 [mesh]
 size = ["6 cm", "6 cm"]
 divisions = [8, 8]
-interfaces = "centroid"   # kept
+interfaces = "centroid"   # kept = "as it is"
 
 [tissue]
 background = "gel"
@@ -101,7 +101,7 @@ def test_upgrade_keeps_comments_and_says_the_same(old_case: Path) -> None:
     text, words = upgrade_case(old_case)
     assert text.splitlines()[0] == OLD.splitlines()[0]
     assert 'title = "old words: to = 1, background"' in text
-    assert 'interfaces = "by_centroid"   # kept' in text
+    assert 'interfaces = "by_centroid"   # kept = "as it is"' in text
     assert len(words) == 10
     old_case.write_text(text, encoding="utf-8")
     with warnings.catch_warnings():

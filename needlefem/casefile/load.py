@@ -133,7 +133,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
         remedy = f"'needlefem upgrade {path}' rewrites the file"
         warnings.warn(f"{report(old, str(path))}; {remedy}", FutureWarning, stacklevel=2)
     refuse_open(data, str(path))
-    scene = read_scene(data, path.parent)
+    scene = _scene(data, path.parent)
     return dataclasses.replace(scene, source=path, overrides=recorded)
 
 
@@ -186,7 +186,11 @@ def _override(data: dict[str, Any], key: str, text: str, old: list[OldWord]) -> 
 
 def read_scene(data: Table, folder: Path) -> Scene:
     """Return the scene of a parsed case whose files are in `folder`."""
-    data = renewed_case(spelled(dict(data)), [])
+    return _scene(renewed_case(spelled(dict(data)), []), folder)
+
+
+def _scene(data: Table, folder: Path) -> Scene:
+    """Return the scene of the tables of a case in the words of version 2."""
     refuse_unknown(data, SECTIONS, "")
     refuse_open(data)
     version = required(data, "schema_version", "")

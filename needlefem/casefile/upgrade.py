@@ -11,13 +11,18 @@ from pathlib import Path
 
 from needlefem._inputfile import read_text
 from needlefem._toml import key_parts, quoted
-from needlefem.casefile.load import parsed, spelled
+from needlefem.casefile.load import SCHEMA_VERSIONS, parsed, spelled
 from needlefem.errors import CaseError
 from needlefem.scene.varying import SPELLINGS
-from needlefem.scene.version_1 import ANY, CASE_KEYS, OldWord, renewed_case, renewed_value
+from needlefem.scene.version_1 import (
+    ANY,
+    CASE_KEYS,
+    OldWord,
+    renewed_case,
+    renewed_path,
+    renewed_value,
+)
 
-VERSION = 2
-"""Schema version that is written."""
 _NAME = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _KEY = rf"{_NAME}(?:\s*\.\s*{_NAME})*"
 _HEADER = re.compile(
@@ -40,7 +45,7 @@ def upgrade_case(path: Path) -> tuple[str, tuple[OldWord, ...]]:
     found: list[OldWord] = []
     wanted = renewed_case(old, found)
     if wanted.get("schema_version") == 1:
-        wanted["schema_version"] = VERSION
+        wanted["schema_version"] = SCHEMA_VERSIONS[-1]
     new = _rewritten(text)
     if parsed(new, str(path)) != wanted:
         words = "; ".join(dict.fromkeys(map(str, found)))
@@ -87,11 +92,12 @@ def _entry(text: str, table: tuple[str, ...]) -> str:
     parts = _renamed(table, old)
     path, after = (*table, *parts), entry["after"]
     if path == ("schema_version",):
-        after = re.sub(r"=(\s*)1\b", rf"=\g<1>{VERSION}", after, count=1)
+        after = re.sub(r"=(\s*)1\b", rf"=\g<1>{SCHEMA_VERSIONS[-1]}", after, count=1)
     value = tomllib.loads(f"value {after.lstrip()}")["value"]
     new = renewed_value(value, [], tuple("0" if part == ANY else part for part in path))
     if new != value:
-        after = re.sub(r"=(\s*)(\"[^\"\n]*\"|'[^'\n]*')", lambda m: f"={m[1]}{quoted(new)}", after)
+        text_value = r"=(\s*)(\"[^\"\n]*\"|'[^'\n]*')"
+        after = re.sub(text_value, lambda m: f"={m[1]}{quoted(new)}", after, count=1)
     elif isinstance(value, dict | list):
         after = _TOKENS.sub(lambda m: m[1] or _inner(path, m[2]), after)
     return entry["before"] + _replaced(entry["key"], parts) + after
@@ -103,11 +109,9 @@ def _inner(path: tuple[str, ...], name: str) -> str:
 
 
 def _renamed(table: tuple[str, ...], parts: Sequence[str]) -> list[str]:
-    found: list[str] = []
-    for part in parts:
-        name = SPELLINGS.get(part, part) if not table and not found else part
-        found.append(CASE_KEYS.get((*table, *found, name), name))
-    return found
+    """Return the names of a key in a table, whose own names are those of version 2."""
+    path = [*table, *parts]
+    return renewed_path([SPELLINGS.get(path[0], path[0]), *path[1:]], [])[len(table) :]
 
 
 def _replaced(key: str, parts: Sequence[str]) -> str:

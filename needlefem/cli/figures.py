@@ -40,11 +40,12 @@ def plan_by_paper(options: argparse.Namespace) -> int:
     refuse_unused_keys(scene, "plan")
     with result_of(options, "plan") as result:
         record, paper, tables = _planned(scene)
+        public = with_old_keys(record, "plan")
         if result is not None:
             result.begin()
-            write_json(result.path / "plan.json", with_old_keys(record, "plan"))
+            write_json(result.path / "plan.json", public)
     if options.json:
-        say_json(with_old_keys(record, "plan"))
+        say_json(public)
     else:
         _summary(scene.title, paper, tables)
     return 0 if paper.plan.status is PlanStatus.PLANNED else 3

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from needlefem._progress import doing, telling
 from needlefem.cli import new as newoptions
@@ -252,14 +252,7 @@ def _modes(parser: argparse.ArgumentParser) -> None:
 
 def _verify(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="*", help="problems to run; all when left out")
-    for option in ("--element", "--material", "--integrator"):  # now those of `check`
-        parser.add_argument(option, help=argparse.SUPPRESS)
-    parser.add_argument(
-        "--plane", choices=("strain", "stress"), default="strain", help=argparse.SUPPRESS
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], dest="settings", help=argparse.SUPPRESS
-    )
+    _check(parser, hidden=True)  # `verify` accepts the options that `check` has now
     parser.add_argument(
         "--problems", default="verification", metavar="DIR", help="folder of the problems"
     )
@@ -267,9 +260,7 @@ def _verify(parser: argparse.ArgumentParser) -> None:
         "--update-baseline", action="store_true",
         help="store the results as the baseline of later runs",
     )  # fmt: skip
-    parser.add_argument(
-        "--record", action="store_true", dest="update_baseline", help=argparse.SUPPRESS
-    )
+    _renamed(parser, "--record", "update_baseline", "store_true")
     parser.add_argument("--quick", action="store_true", help="coarse meshes only, within a minute")
     parser.add_argument("--report", metavar="DIR", help="write an HTML page and JSON there")
     stress = parser.add_argument_group("stress tests")
@@ -284,26 +275,28 @@ def _verify(parser: argparse.ArgumentParser) -> None:
     stress.add_argument("--out", metavar="DIR", help="with --only: write its files there")
 
 
-def _check(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--element", help="element of the catalogue, or 'all'; default P2")
-    parser.add_argument("--material", help="material law, or 'all'; default isotropic")
-    parser.add_argument("--integrator", help="time integrator, or 'all', instead of an element")
-    parser.add_argument(
-        "--plane", choices=("strain", "stress"), default="strain", help="plane strain or stress"
-    )
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
-        help='constant of the material law, as in --set youngs_modulus="3 kPa"',
-    )  # fmt: skip
+def _check(parser: argparse.ArgumentParser, *, hidden: bool = False) -> None:
+    options: list[tuple[str, str, dict[str, Any]]] = [
+        ("--element", "element of the catalogue, or 'all'; default P2", {}),
+        ("--material", "material law, or 'all'; default isotropic", {}),
+        ("--integrator", "time integrator, or 'all', instead of an element", {}),
+        ("--plane", "plane strain or stress",
+         {"choices": ("strain", "stress"), "default": "strain"}),
+        ("--set", 'constant of the material law, as in --set youngs_modulus="3 kPa"',
+         {"action": "append", "default": [], "metavar": "CONSTANT=VALUE", "dest": "settings"}),
+    ]  # fmt: skip
+    for option, sentence, settings in options:
+        parser.add_argument(option, help=argparse.SUPPRESS if hidden else sentence, **settings)
 
 
 def _upgrade(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", help="path of a case.toml, which is rewritten")
 
 
-def _renamed(parser: argparse.ArgumentParser, old: str, target: str) -> None:
+def _renamed(parser: argparse.ArgumentParser, old: str, target: str, action: str = "store") -> None:
     """Accept an option under its old name, which the help does not list."""
-    parser.add_argument(old, dest=target, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    suppressed = argparse.SUPPRESS
+    parser.add_argument(old, dest=target, action=action, default=suppressed, help=suppressed)
 
 
 def _study(parser: argparse.ArgumentParser) -> None:

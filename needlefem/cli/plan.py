@@ -42,13 +42,14 @@ def main(options: argparse.Namespace) -> int:
         record["warnings"] = [*record.get("warnings", ()), *unused_keys(scene, "plan")]
         expected, why = judged(scene, record, "plan")
         record |= expect_record(expected, why)
+        public = with_old_keys(record, "plan")
         if result is not None:
             result.begin()
-            write_json(result.path / "plan.json", with_old_keys(record, "plan"))
+            write_json(result.path / "plan.json", public)
             if not options.no_pictures:
                 missing = undrawn(lambda: pictures.extend(_draw(found, result.path)))
     if options.json:
-        say_json(with_old_keys(record, "plan"))
+        say_json(public)
     else:
         _summary(scene, found, record)
         if expected is not None:

@@ -55,9 +55,10 @@ def main(options: argparse.Namespace) -> int:
     check_count(options.snapshots, "--snapshots", scene.limits, least=0)
     with result_of(options, "run") as result:
         insertion, record, expected = _moved(scene, result)
-        undrawn = None if result is None else _write(insertion, record, result.path, options)
+        public = with_old_keys(record, "run")
+        undrawn = None if result is None else _write(insertion, public, result.path, options)
     if options.json:
-        say_json(with_old_keys(record, "run"))
+        say_json(public)
     else:
         _summary(record, scene.title)
         warn(record["warnings"])
@@ -103,7 +104,7 @@ def _write(
     insertion: Insertion, record: dict[str, Any], folder: Path, options: argparse.Namespace
 ) -> NoRendererError | None:
     """Write what is not written yet; return why there are no pictures, if that is so."""
-    write_json(folder / "run.json", with_old_keys(record, "run"))
+    write_json(folder / "run.json", record)
     if options.snapshots:
         write_snapshots(insertion, folder, options.snapshots)
     if options.no_pictures:

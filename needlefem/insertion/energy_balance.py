@@ -18,6 +18,10 @@ from needlefem.insertion.result import EnergyTerms, Insertion, Rupture
 from needlefem.insertion.state import State, TipPhase, displacements, loads, means_of
 from needlefem.insertion.step_equations import Field
 
+SUMMED = ("work", "strain", "lateral_penalty_energy", "friction", "cutting", "rupture",
+          "contact_activation")  # fmt: skip
+"""Terms of a time step that are added up."""
+
 
 # Kernel: energy balance of an insertion.
 #     W = dE + dP + F + C + R + A
@@ -331,37 +335,21 @@ class EnergyBalance:
         return 0.5 * float(total)
 
     def _stretched(self, state: State, number: int) -> float:
-        """Return twice the energy of sticking, where it gives way, of a piece."""
+        """Return twice the energy of the tangential penalty of a contact segment."""
         piece = _piece(state, number, self.pieces)
         return self.give * piece.compliance * float(state.friction_force[number]) ** 2
 
     def add(self, spent: EnergyIncrement) -> None:
-        """Account for a step."""
-        for name in (
-            "work",
-            "strain",
-            "lateral_penalty_energy",
-            "friction",
-            "cutting",
-            "rupture",
-            "contact_activation",
-        ):
+        """Add the energies of a time step."""
+        for name in SUMMED:
             setattr(self, name, getattr(self, name) + getattr(spent, name))
         self.total_absolute_work += abs(spent.work)
         self.largest_mismatch = max(self.largest_mismatch, abs(spent.strain_energy_mismatch))
         self.smallest_dissipation = min(self.smallest_dissipation, spent.smallest_dissipation)
 
     def begin(self, found: EnergyTerms) -> None:
-        """Go on from the ledger of a march."""
-        for name in (
-            "work",
-            "strain",
-            "lateral_penalty_energy",
-            "friction",
-            "cutting",
-            "rupture",
-            "contact_activation",
-        ):
+        """Start from the energies of path following."""
+        for name in SUMMED:
             setattr(self, name, getattr(found, name))
         self.total_absolute_work, self.largest_mismatch = (
             found.total_absolute_work,

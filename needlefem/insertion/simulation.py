@@ -182,21 +182,14 @@ class Simulation:
         return responses_of(self.model, expected=self._expected_loads())
 
     def _expected_loads(self, insertions: int | None = None) -> ExpectedLoads | None:
-        """Return where the needles of the scene will be, and the number of loads on one operator.
+        """Return the corridor of the needles and the number of loads on one operator.
 
         None if the scene has no entry. Insertions are those expected of the simulation when left
         out; where inertia or a memory makes an operator for each length of a step, those of one.
         """
-        scene, needle = self.scene, self.scene.needle
-        point = scene.motion.entry or scene.target
-        entry = (
-            None if point is None else entry_along(self.model.mesh, np.array(point), self.direction)
-        )
-        if entry is None:
+        scene, corridor = self.scene, self._corridor
+        if corridor is None:
             return None
-        aside = max(abs(height) for height in scene.planning.offset_range)
-        end = entry.point + deepest(scene.motion) * self.direction
-        corridor = Corridor(entry.point, end, CORRIDOR * needle.tip_radius + aside)
         insertions = self._expected if insertions is None else insertions
         if self.steps:
             travel = deepest(scene.motion) * max(len(scene.motion.stages), 1)
@@ -204,6 +197,20 @@ class Simulation:
             return ExpectedLoads.of_steps(corridor, steps, insertions)
         segments = int(np.ceil(deepest(scene.motion) / scene.discretization.path_spacing))
         return ExpectedLoads.of_path(corridor, segments, insertions)
+
+    @cached_property
+    def _corridor(self) -> Corridor | None:
+        """Where needles are expected; None if the scene has no entry."""
+        scene = self.scene
+        point = scene.motion.entry or scene.target
+        if point is None:
+            return None
+        entry = entry_along(self.model.mesh, np.array(point), self.direction)
+        if entry is None:
+            return None
+        aside = max(abs(offset) for offset in scene.planning.offset_range)
+        end = entry.point + deepest(scene.motion) * self.direction
+        return Corridor(entry.point, end, CORRIDOR * scene.needle.tip_radius + aside)
 
     @cached_property
     def cutting_force(self) -> Floats:

@@ -13,9 +13,10 @@ from needlefem.errors import CaseError
 
 ANY = "*"
 """Any name of a table, or any number of an item of a list."""
-Path = tuple[str, ...]
+KeyPath = tuple[str, ...]
+"""Names of nested tables and of a key in them."""
 
-CASE_KEYS: Mapping[Path, str] = {
+CASE_KEYS: Mapping[KeyPath, str] = {
     ("tissue", "background"): "default_material",
     ("discretization", "kernel_points"): "tip_quadrature_points",
     ("discretization", "mass"): "mass_matrix",
@@ -31,7 +32,7 @@ CASE_KEYS: Mapping[Path, str] = {
     ("planning", "golden_tolerance"): "interval_tolerance",
 }
 """Keys of a case file, by their old path; sections have their new name."""
-CASE_VALUES: Mapping[Path, Mapping[str, str]] = {
+CASE_VALUES: Mapping[KeyPath, Mapping[str, str]] = {
     ("discretization", "integrator"): {"march": "path_following"},
     ("mesh", "interfaces"): {"centroid": "by_centroid"},
 }
@@ -55,7 +56,7 @@ _EVIDENCE = _ENERGY | {
     ("validity", "folded_cells"): "inverted_cells",
     ("snaps",): "ruptures",
 }
-RESULT_KEYS: Mapping[str, Mapping[Path, str]] = {
+RESULT_KEYS: Mapping[str, Mapping[KeyPath, str]] = {
     "run": _EVIDENCE | {
         ("tip",): "tip_phase",
         ("sticking",): "sticking_segments",
@@ -103,19 +104,12 @@ class OldWord(NamedTuple):
     new: str
 
     def __str__(self) -> str:
-        return (
-            f"{self.key} = '{self.old}' is now '{self.new}'"
-            if self.is_value
-            else (f"{self.key} is now {self.new}")
-        )
-
-    @property
-    def is_value(self) -> bool:
-        """Whether the word is a value, not a key."""
-        return not self.key.endswith(self.old)
+        if self.key.endswith(self.old):  # the word is the key
+            return f"{self.key} is now {self.new}"
+        return f"{self.key} = '{self.old}' is now '{self.new}'"
 
 
-def renewed_case(node: Any, found: list[OldWord], path: Path = ()) -> Any:
+def renewed_case(node: Any, found: list[OldWord], path: KeyPath = ()) -> Any:
     """Return the tables of a case with the words of version 2.
 
     Parameters
@@ -131,16 +125,16 @@ def renewed_case(node: Any, found: list[OldWord], path: Path = ()) -> Any:
     CaseError
         A table has a key in both versions.
     """
-    if isinstance(node, list | tuple):
-        items = (renewed_case(item, found, (*path, str(i))) for i, item in enumerate(node))
-        return tuple(items) if type(node) is tuple else list(items)
+    if type(node) in (list, tuple):
+        return type(node)(renewed_case(item, found, (*path, str(i))) for i, item in enumerate(node))
     if not isinstance(node, dict):
         return renewed_value(node, found, path)
     table: dict[str, Any] = {}
     for key, value in node.items():
-        name = renewed_name((*path, key), found)
+        name = _renamed(CASE_KEYS, (*path, str(key)), found)
+        name = key if name == str(key) else name
         if name in table or (name != key and name in node):
-            where = ".".join((*path, key))
+            where = ".".join((*path, str(key)))
             raise CaseError(where, f"{name} is there as well", "keep one of the two")
         table[name] = renewed_case(value, found, (*path, name))
     return table
@@ -148,19 +142,7 @@ def renewed_case(node: Any, found: list[OldWord], path: Path = ()) -> Any:
 
 def renewed_path(path: Sequence[str], found: list[OldWord]) -> list[str]:
     """Return the names of a dotted key of a case in the words of version 2."""
-    names: list[str] = []
-    for name in path:
-        names.append(renewed_name((*names, name), found))
-    return names
-
-
-def renewed_name(path: Path, found: list[OldWord]) -> str:
-    """Return the name of version 2 for the last of a path."""
-    new = CASE_KEYS.get(path) or CASE_KEYS.get(_numberless(path))
-    if new is None:
-        return path[-1]
-    found.append(OldWord(".".join(path), path[-1], new))
-    return new
+    return _all_renamed(CASE_KEYS, path, found)
 
 
 def renewed_value(value: Any, found: list[OldWord], path: Sequence[str]) -> Any:
@@ -179,18 +161,31 @@ def renewed_value(value: Any, found: list[OldWord], path: Sequence[str]) -> Any:
 def renewed_quantity(name: str, found: list[OldWord]) -> str:
     """Return the dotted name of a quantity of a result (``plan.snaps``) in version 2."""
     kind, *path = name.split(".")
+    return ".".join((kind, *_all_renamed(RESULT_KEYS.get(kind, {}), path, found, f"{kind}.")))
+
+
+def _all_renamed(
+    keys: Mapping[KeyPath, str], path: Sequence[str], found: list[OldWord], above: str = ""
+) -> list[str]:
+    """Return a path of which every name is that of version 2."""
     names: list[str] = []
-    for part in path:
-        at = (*names, part)
-        table = RESULT_KEYS.get(kind, {})
-        new = table.get(at) or table.get(_numberless(at))
-        if new is not None:
-            found.append(OldWord(".".join((kind, *at)), part, new))
-        names.append(new or part)
-    return ".".join((kind, *names))
+    for name in path:
+        names.append(_renamed(keys, (*names, name), found, above))
+    return names
 
 
-def _numberless(path: Path) -> Path:
+def _renamed(
+    keys: Mapping[KeyPath, str], path: KeyPath, found: list[OldWord], above: str = ""
+) -> str:
+    """Return the last name of a path in version 2; the names before it are of version 2."""
+    new = keys.get(path) or keys.get(_numberless(path))
+    if new is None:
+        return path[-1]
+    found.append(OldWord(above + ".".join(path), path[-1], new))
+    return new
+
+
+def _numberless(path: KeyPath) -> KeyPath:
     return tuple(ANY if part.isdigit() else part for part in path)
 
 
@@ -219,7 +214,7 @@ def with_old_keys(record: Mapping[str, Any], kind: str) -> dict[str, Any]:
     return found
 
 
-def _added(node: Any, path: Path, keys: Mapping[Path, str]) -> Any:
+def _added(node: Any, path: KeyPath, keys: Mapping[KeyPath, str]) -> Any:
     if isinstance(node, list | tuple):
         return [_added(item, (*path, ANY), keys) for item in node]
     if not isinstance(node, Mapping):
@@ -247,7 +242,7 @@ def renewed_record(record: dict[str, Any], kind: str) -> dict[str, Any]:
     return found
 
 
-def _replaced(node: Any, path: Path, keys: Mapping[Path, str]) -> Any:
+def _replaced(node: Any, path: KeyPath, keys: Mapping[KeyPath, str]) -> Any:
     if isinstance(node, list):
         return [_replaced(item, (*path, ANY), keys) for item in node]
     if not isinstance(node, Mapping):
