@@ -162,7 +162,6 @@ def _outcome(outcome: Outcome, states: list[State]) -> Outcome:
 # the cutting force. Its node is then moved ahead in the undeformed mesh until its deformed position
 # under the cutting force is the position of the tip. During a retraction the needle leaves one node
 # after the other, and they return to their original positions.
-# cutting force. Drawn back, the needle lets go of one node after the other, and they return home.
 
 
 TOLERANCE = 1e-6

@@ -1,9 +1,9 @@
-"""Contours from CSV files: columns by the names and units that the header says.
+"""Contours from CSV files: columns by name and unit of the header.
 
-A header such as ``y [mm], z [mm]`` names the case's axes, in any order; also ``y (mm)``, ``y/mm``
-and ``y_mm``. A file without a header has the case's axes in their order and needs the key `unit`.
-Columns are separated by commas, tabs, or semicolons; only beside semicolons a comma is a decimal
-sign. Whatever has two meanings is refused.
+A header such as ``y [mm], z [mm]`` names the axes of the case, in any order; also ``y (mm)``,
+``y/mm`` and ``y_mm``. A file without a header has the axes of the case in their order and needs the
+key `unit`. Columns are separated by commas, tabs or semicolons. A comma is a decimal sign only if
+semicolons separate the columns. Ambiguous files are refused.
 """
 
 import csv

@@ -1,4 +1,4 @@
-"""What a case says its results must be."""
+"""Case files: TOML to a `Scene`, including expectations and cases of saved results."""
 
 import dataclasses
 import json
@@ -96,7 +96,7 @@ def _any_quantity(raw: Any, key: str) -> tuple[float | tuple[float, ...], str]:
     )
 
 
-# Case files: TOML in, a `Scene` out, and every mistake answered with a line.
+# Case files.
 
 
 SCHEMA_VERSIONS = (1, 2)
@@ -248,7 +248,7 @@ def _axes(data: Table) -> tuple[str, ...]:
     return tuple(axes)
 
 
-# A result's case, read again from what ``run --out`` or ``plan --out`` wrote.
+# The case of a result that ``run --out`` or ``plan --out`` wrote.
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""TOML tables and what can be wrong with them."""
+"""Tables of a case file: required keys, placeholders, and dataclasses filled from tables."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
@@ -47,7 +47,7 @@ def required(table: Table, key: str, prefix: str) -> Any:
     return table[key]
 
 
-# Keys that a case leaves open: ``"?"``, as ``needlefem new`` writes what its file can't say.
+# Placeholders: ``"?"`` stands for a value that ``needlefem new`` could not derive.
 
 
 OPEN = "?"
@@ -116,7 +116,7 @@ def _example(dimension: str | None) -> str:
     return f', such as "1 {unit}"'
 
 
-# Fill dataclasses from tables by what their fields declare.
+# Dataclasses filled from tables, by the declarations of their fields.
 
 
 CONTOUR_KEYS = ("contour", "offset", "unit")
@@ -239,7 +239,7 @@ def text_of(table: Table, name: str, prefix: str) -> str:
     return raw
 
 
-# A mesh file in another unit than the case says: found by what else the case holds.
+# Detection of a wrong unit of a mesh file, by the other lengths of the case.
 
 
 MESH_UNITS = {"1 um": 1e-6, "1 mm": 1e-3, "1 cm": 1e-2, "1 m": 1.0}

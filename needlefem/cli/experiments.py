@@ -1,7 +1,7 @@
-"""Studies and benchmarks by name: those of the package, and those of a verification folder.
+"""``needlefem study`` and ``needlefem bench``: of the package, and of a verification folder.
 
-What proves the package lies beside its reference problems and is not installed. It is found in
-the folder `VERIFICATION` of the working directory, as the reference problems are.
+Studies and benchmarks that verify the package are stored with its reference problems and are not
+installed. They are found in the folder `VERIFICATION` of the working directory.
 """
 
 import argparse

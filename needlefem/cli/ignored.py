@@ -1,6 +1,6 @@
-"""Options and ``--set`` keys that a command would ignore are refused; keys of a file are reported.
+"""Options and keys without effect: options and ``--set`` are refused, keys of a file reported.
 
-A value that changes nothing looks like a result that does not depend on it.
+A value without effect would look like a result that does not depend on it.
 """
 
 import argparse

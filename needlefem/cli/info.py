@@ -1,4 +1,4 @@
-"""What this runs on: versions, machine, threads, renderer."""
+"""``needlefem info``: versions, machine, threads, renderer."""
 
 import argparse
 import os

@@ -1,4 +1,4 @@
-"""The options of ``needlefem new``."""
+"""``needlefem new`` and ``needlefem upgrade``."""
 
 import argparse
 import os

@@ -1,7 +1,7 @@
-"""Insertions for pictures: a case's own motion, or a result gone through again.
+"""``needlefem render``, and the insertions that pictures need.
 
-Results keep no fields: they follow from the case, faster than they would be read. What is drawn
-is compared with what was written.
+Results contain no fields. Fields are computed again from the case, which is faster than reading
+them, and compared with the stored result.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""What the commands print, whatever takes it: a console, a file, a pipe that was closed."""
+"""Output of the commands to a console, a file, or a pipe that may be closed."""
 
 import os
 import sys

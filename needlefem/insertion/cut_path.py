@@ -1,4 +1,9 @@
-"""The cut path of a needle in any motion: its pieces, and what each remembers of sliding."""
+"""The cut path of a needle, and the trajectory of its tip in the material.
+
+`CutPath` holds the contact segments of a path while a motion runs, with the slip that each has
+accumulated. `TipTrajectory` evaluates an insertion that has ended: the material point at the tip
+for any depth, and the depth for a point.
+"""
 
 import math
 import operator
@@ -72,10 +77,10 @@ class CutPath:
         self.slip_since_stick[:count] = slipped
 
 
-# Reading an insertion: where the tip is in the material at any depth, and back.
+# Trajectory of the tip in the material.
 #
-# Between states everything is interpolated by cubics in the length of the cut path. Material that
-# was jumped over in a snap is not on the path: nothing is interpolated across it.
+# Between states all quantities are interpolated by cubics in the length of the cut path. There is
+# no interpolation across a rupture: the material between its ends is not on the path.
 
 
 STUB = 0.01

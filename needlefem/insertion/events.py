@@ -1,4 +1,4 @@
-"""What happens on the way of a needle: events, and what its tip lets go of."""
+"""Events of a motion, and the time within a step at which the needle crosses the skin."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -121,13 +121,12 @@ class EventLog:
         return np.array(found).reshape(-1, len(frame))
 
 
-# When within a step a needle leaves the skin or comes back to it, in tissue that needs time.
+# Time within a step at which the needle crosses the skin, in tissue that depends on time.
 #
-# Tissue with a memory or with inertia takes steps of a duration: where within one the needle
-# crosses the skin is found by taking steps from the same start that last shorter. For uncut skin
-# the tip's force tells on which side of the skin the needle is, for cut skin the distance of the
-# tip from the entry point of a needle without force. A step that ends there has contact all
-# through or not at all, so that friction and cutting do no work over a gap.
+# The time is found by shorter steps from the same start. For uncut skin the sign of the tip force
+# shows on which side of the skin the needle is; for cut skin, the distance of the tip from the
+# entry point of a needle without force. A step that ends at the crossing has contact during all of
+# its duration or not at all, so that friction and cutting do no work over a gap.
 
 
 FINE = 1e-4

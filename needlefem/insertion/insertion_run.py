@@ -1,4 +1,4 @@
-"""From a march to stepping: the same path, forces and displacement, seen by the other."""
+"""One motion of a needle: path following as far as it is valid, then time stepping."""
 
 import dataclasses
 import itertools
@@ -61,10 +61,11 @@ def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State
     return now, field
 
 
-# One run of a motion: marched as far as a march goes, and stepped from there on.
+# One run of a motion.
 #
-# A monotone insertion in elastic tissue needs no time steps. Where its assumptions end (a shaft
-# point stops slipping, the needle rests or turns back) stepping takes over, from the same path.
+# A monotone insertion in elastic tissue needs no time steps. Where the assumptions of path
+# following end (a segment stops slipping, the needle rests or turns back), time stepping continues
+# on the same path.
 
 
 STEPS_A_PIECE = 2.0

@@ -1,4 +1,4 @@
-"""What the needle is told to do: depth over time, in straight legs, with releases at their ends."""
+"""The prescribed motion of a needle: depth over time, in straight stages, and the time steps."""
 
 import math
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from needlefem.scene import Motion, Stage
 EVEN = 1e-9
 """Round-off, in steps or pitches of a train, that is none."""
 HALVINGS = 6
-"""Of the first step after the needle stopped or turned back, in which sticking gives way."""
+"""First step after the needle stopped or turned back, in which the penalty springs extend."""
 
 
 class MotionStage(NamedTuple):
@@ -131,7 +131,7 @@ def time_steps(
     """Yield the steps of a motion, of equal duration within a leg.
 
     Where nothing depends on time, the first step after the needle stopped or turned back grows
-    from a short one: sticking gives way there, over a travel that is short in stiff tissue.
+    from a short one: sticking ends there, over a travel that is short in stiff tissue.
 
     Parameters
     ----------

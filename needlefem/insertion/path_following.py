@@ -1,11 +1,11 @@
-"""One monotone insertion as a march along the cut path.
+"""Path following: one monotone insertion, with the length of the cut path as independent variable.
 
-The independent variable is the length of path in the material, not the depth: every step asks
-which depth puts the next material point at the tip. Depth comes out, and may fall back: there
-the tip would run ahead at fixed depth (a snap), until its resistance is back at the cutting
-force. Every shaft point is taken to slip forward, which is checked after every step. The last
-step is shorter: it ends at the requested depth. A march ends before a step in which friction or the
-tip would give energy; time stepping goes on from there.
+Each step computes the depth at which the next material point is at the tip. The depth may
+decrease along the path. Then the tip advances at fixed depth (a rupture) until its resistance
+equals the cutting force again. All contact segments are assumed to slip forward, and this is
+checked after each step. The last step is shorter, so that it ends at the requested depth. Path
+following ends before a step in which friction or the tip would add energy; time stepping continues
+from there.
 """
 
 import dataclasses

@@ -1,8 +1,8 @@
-"""Displacements of tissue that depends on time: the needle's forces are gone through again.
+"""Results that are computed from the states of an insertion after it has ended.
 
-The displacement of viscoelastic tissue, or of tissue with inertia, is more than what a state's
-forces do at rest. It is found from all states up to the one asked for, by the steps that the
-insertion took; nothing is stored with the states.
+The displacement of tissue with a memory or with inertia does not follow from the forces of one
+state. It is computed by repeating the steps of the insertion with the stored forces. The strains
+of a state show whether the assumption of small strain holds.
 """
 
 import dataclasses
@@ -104,7 +104,7 @@ def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
         yield motion.u
 
 
-# How far a state is from what small strain can describe.
+# Strains of a state, compared with the range of small strain.
 
 
 LARGE_STRAIN = 0.3

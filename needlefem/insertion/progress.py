@@ -1,4 +1,4 @@
-"""How far a stepped needle has come: its state, its path, energies and events so far."""
+"""The current result of time stepping: state, cut path, energies and events."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,4 +1,7 @@
-"""What was made lately and may be wanted again: factorised operators, and what hangs on them."""
+"""Responses of tissue that depends on time: viscoelastic tissue, and tissue with inertia.
+
+The operator of a step depends on its duration. The operators of the latest durations are kept.
+"""
 
 import dataclasses
 from collections import OrderedDict
@@ -49,7 +52,7 @@ class LeastRecentlyUsed(Generic[Key, Value]):
         return self._kept[key]
 
 
-# Viscoelastic tissue as a needle stepped in time meets it.
+# Viscoelastic tissue.
 
 
 class ViscoelasticResponse:
@@ -106,12 +109,13 @@ class ViscoelasticResponse:
         return dict(self._energies)
 
 
-# Tissue with inertia and damping as a needle stepped in time meets it.
+# Tissue with inertia and damping.
 #
-# Forces of the needle are those at a step's end. A point that sticks has the needle's velocity
-# there: it goes the mean way of what it did and what the needle does, so that a freshly caught one
-# moves half a step late and from then on with the needle, without ringing. The tip that holds its
-# point, and the shaft across, are bound by displacement; the integrator must damp what rings then.
+# Needle forces are those at the end of a step. A sticking point has the velocity of the needle
+# there: over the step it moves with the mean of its old velocity and that of the needle. A point
+# that starts to stick is therefore half a step behind, and then moves with the needle without
+# oscillation. The tip on its material point and the lateral constraint prescribe displacements;
+# the integrator has to damp the oscillations that follow.
 
 
 RINGS = 1.0 - 1e-9

@@ -1,4 +1,4 @@
-"""A scene made ready for insertions: tissue, responses, and the needle on any line."""
+"""The data that all insertions in one scene share: tissue, compliances, and needles on any line."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -394,7 +394,7 @@ def simulate(scene: Scene) -> Insertion:
     return simulation.move(simulation.entry_of_case())
 
 
-# What a simulation is computed on: element, mesh sizes, unknowns, path spacing.
+# Summary of the discretisation: element, mesh sizes, unknowns, path spacing.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

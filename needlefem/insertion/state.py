@@ -1,4 +1,4 @@
-"""Needle and tissue at one moment."""
+"""The state of needle and tissue at one moment, and the displacement that belongs to it."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -110,7 +110,7 @@ class State:
         return self.tip_force + float(np.sum(self.friction_force))
 
 
-# The tissue's displacement at one moment of a motion, found where it is asked for.
+# Displacement of the tissue at one moment, evaluated where it is needed.
 
 
 class ZeroField:
@@ -153,7 +153,7 @@ class ContactField:
         return found
 
 
-# The tissue's full displacement in states of an insertion, recovered when asked for.
+# Displacement of the whole tissue in states of an insertion.
 
 
 def loads(insertion: "Insertion", states: Sequence[int]) -> Floats:
@@ -239,7 +239,7 @@ def displacements(insertion: "Insertion", states: Sequence[int]) -> Floats:
     return insertion.model.solve(loads(insertion, states))
 
 
-# What was found of a step becomes a state, with all forces recovered.
+# States from the solution of a step, with all forces.
 
 
 THIN = 1e-9

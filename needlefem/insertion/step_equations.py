@@ -1,8 +1,8 @@
-"""One step of a needle in any motion: the equations of tip and shaft.
+"""The equations of shaft and tip in one step of any motion, and the iterations that solve them.
 
-The tip presses on the crack front, cuts, or is drawn back on its path (`insertion/tip.py`). In all
-of these friction is solved for by return mapping, sticking or slipping
-(`contact/shaft_equations.py`), against the displacement at the step's start.
+The tip loads the crack front, cuts, or is retracted (`insertion/tip_advance.py`). In each of these
+phases friction is solved for by return mapping, with sticking and slipping segments
+(`contact/friction.py`), relative to the displacement at the start of the step.
 """
 
 import dataclasses

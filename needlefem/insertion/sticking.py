@@ -1,10 +1,10 @@
-"""How what sticks is held to the needle: rigidly, or by a tangential penalty.
+"""Sticking between needle and tissue: rigid, or by a tangential penalty.
 
-Rigid sticking prescribes the displacement of every segment of the path. Segments much shorter
-than the distance of nodes move alike, so that the forces between them are not determined: their
-response is singular to round-off. A tangential penalty makes it regular: a segment that sticks is
-held by a spring, whose extension is friction over stiffness. The spring does not act in forward
-slip, for there friction is at its limit.
+Rigid sticking prescribes the displacement of each contact segment. Segments that are much shorter
+than the node distance have nearly the same displacement, so that the forces between them are not
+determined: their compliance is singular up to round-off. A tangential penalty regularises it: a
+sticking segment is attached to the needle by a spring, whose extension is the friction force over
+the stiffness. The spring has no effect in forward slip, where friction is at its limit.
 """
 
 import dataclasses
@@ -105,7 +105,7 @@ def sticking(
     unit = "N/m^3" if len(instrument.axis.frame) == 2 else "Pa"
     reason = (
         f"{chosen:g} {unit}, for the mesh can't tell apart what sticks on segments of "
-        f"{1e3 * spacing:.3g} mm (discretization.path_spacing): what sticks gives way by up to "
+        f"{1e3 * spacing:.3g} mm (discretization.path_spacing): sticking points move by up to "
         f"{1e3 * limit / chosen:.2g} mm"
     )
     return Sticking(chosen, condition(chosen), rigid, reason)

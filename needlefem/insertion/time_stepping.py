@@ -1,11 +1,11 @@
-"""A needle in any motion, stepped in time: insert, hold, retract, and in again.
+"""Time stepping of a needle in any motion: insertion, dwell, retraction and repeated insertion.
 
-After every step the tissue is in equilibrium with the needle where it is told to be. Where
-something happens within a step (the tip starts to cut, leaves the crack front or comes back to
-it, leaves the skin), the step is cut there if the tissue has no memory of time; otherwise it
-happens at the step's end. In all tissue a step ends where the needle leaves the skin or comes
-back to it (`skincrossing.py`). A step in which contact would give energy is taken in halves; if
-that does not help, the motion ends there.
+After each step the tissue is in equilibrium with the needle at its prescribed position. If an event
+occurs within a step (the tip begins to cut, loses or regains contact with the crack front), the
+step ends there if the response of the tissue is independent of time; otherwise the event takes
+place at the end of the step. In all tissue a step ends where the needle crosses the skin
+(`events.py`). A step in which contact would add energy is halved; if halving does not help, the
+motion ends.
 """
 
 from collections.abc import Iterable, Iterator

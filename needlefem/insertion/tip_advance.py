@@ -1,4 +1,4 @@
-"""Where the tip goes in a step: it stays on the crack front, cuts on, or is drawn back."""
+"""Position of the tip in one step: loading, cutting or retraction, and growth of the cut path."""
 
 import numpy as np
 import scipy  # its module of minimisation is imported when it is first used
@@ -112,7 +112,7 @@ def solve_cutting(equations: StepEquations, depth: float, ahead: float) -> StepS
         return None
 
 
-# A cut path that grows by lengths, not depths: also where the tip runs ahead.
+# Growth of the cut path by length instead of depth; this includes advance at fixed depth.
 
 
 PEAK = 1e-4
@@ -122,7 +122,7 @@ NEAREST = 1e-3
 CLOSER, CLOSEST = 0.1, 1e-9
 """How much nearer a tip that is beyond its landing is looked for, and the least such part."""
 LEAST = 0.01
-"""Part of a piece that a tip which runs ahead goes at least before it is looked at."""
+"""Smallest first advance of the tip at fixed depth, over the length of a contact segment."""
 LITTLE = 0.25
 """Depth gained in half of a piece, over that in the half before, below which it may fall."""
 GAIN = 1e-9

@@ -1,4 +1,4 @@
-"""Which way the tip goes in a step, and where within the step it takes another."""
+"""Phase of the tip in one step, and the point within a step at which the phase changes."""
 
 import dataclasses
 from collections.abc import Callable
@@ -44,7 +44,7 @@ class TipTrial:
         Path length at which the tip is.
     depth : float, m
     solution : StepSolution, optional
-        None: the tip runs ahead, or the needle is out.
+        None: the tip advances at fixed depth, or the needle is outside.
     whole : bool
         Whether the growing piece ends here, whatever its length: where the tip begins to run ahead
         and where it stops, as in path following.
@@ -206,7 +206,7 @@ def limit_to_segment(equations: StepEquations, new: TipTrial, room: float = np.i
     return TipTrial(TipPhase.CUTTING, track.length, depth, found, segment_full=not there)
 
 
-# A tip that presses on uncut skin.
+# The tip on uncut skin.
 
 
 NEGLIGIBLE_FORCE = 1e-9

@@ -1,9 +1,4 @@
-"""What one march learns from the one before it: where the tip goes next.
-
-A search over heights pushes needles in one beside the other. Their tips turn alike, step by step,
-and so do the derivatives that a step is solved with. Both are guesses only: a step is solved to
-the same tolerance whatever it began from.
-"""
+"""One step of path following: position of the tip, its depth, and the initial guess for both."""
 
 import dataclasses
 import math
@@ -94,7 +89,7 @@ class LastStep:
     derivatives: Floats
 
 
-# One step along the cut path: where the tip is next, and at which depth.
+# One step along the cut path: the next position of the tip, and its depth.
 
 
 TOLERANCE = 1e-12

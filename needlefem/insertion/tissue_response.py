@@ -1,4 +1,8 @@
-"""Tissue as a needle stepped in time meets it: an operator, and the motion without the needle."""
+"""Response of the tissue to needle forces in one step, and the choice of its method.
+
+A response consists of the compliance of the operator of the step, and of the displacement of the
+tissue at its end without needle forces.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
@@ -147,7 +151,7 @@ class TissueResponse(Protocol):
     def finish(self, load: Floats) -> None:
         """End the step under the needle's forces, shape (ndofs,), N.
 
-        Forces that change at the step's end (the tip runs ahead) are given one after the other.
+        Forces that change at the end of the step (advance at fixed depth) are given in sequence.
         """
         ...
 

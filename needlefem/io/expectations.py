@@ -1,4 +1,4 @@
-"""A case's [expect] against a result."""
+"""Comparison of a result with the expectations of its case."""
 
 import math
 from collections.abc import Mapping, Sequence

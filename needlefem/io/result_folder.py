@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files that are written completely or not at all, and folders with the result of one command."""
 
 import errno
 import itertools
@@ -177,10 +177,10 @@ def write_text(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
-# A folder for the result of one command: locked while it is written, without older files.
+# The folder of a result: locked while it is written, without files of older results.
 #
-# Until the result is complete a hidden file says which command's it is, so that a result whose
-# command was interrupted, or is still at work, is not taken for a whole one.
+# Until the result is complete, a hidden file names the command. A result whose command was
+# interrupted or is still running can therefore be recognised.
 
 
 fcntl: Any = import_module("fcntl") if os.name == "posix" else None

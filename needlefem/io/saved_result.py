@@ -1,7 +1,7 @@
-"""What the JSON and CSV files of results hold: keys, columns and kinds of values.
+"""Results of earlier commands: their keys, columns and kinds of values, and how they are read.
 
-Files that were edited, cut or mixed are refused here by name, before anything is computed from
-them. Keys and columns may be added to results; those below are there since the first version.
+Edited, truncated or mixed files are refused by name before anything is computed from them. Keys and
+columns may be added to results; those below exist since the first version.
 """
 
 import csv
@@ -268,7 +268,7 @@ def _same(found: np.ndarray, values: np.ndarray) -> bool:
     return bool(np.allclose(found, values, rtol=SAME, atol=1e-12))
 
 
-# Results that were written, read again.
+# Reading of results.
 
 
 KINDS = {

@@ -1,4 +1,4 @@
-"""Fields on a tissue's mesh as VTU files, and a PVD file that puts them in order of time."""
+"""VTU files of fields, PVD files of series, and histories that are written during a motion."""
 
 import dataclasses
 import os
@@ -121,7 +121,7 @@ def write_pvd(path: Path, snapshots: Sequence[tuple[float, Path]]) -> None:
         ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 
-# What is kept of a tissue's motion while it goes on: snapshots, histories, a summary.
+# Snapshots, histories and summary of a motion of tissue.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -240,7 +240,7 @@ class _Recorder:
         write_json(folder / "motion.json", record)
 
 
-# Histories of a needle's motion, written while it goes on.
+# Histories of a motion of the needle.
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

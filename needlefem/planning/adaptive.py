@@ -1,4 +1,4 @@
-"""A plan on one discretisation, which has passed its checks."""
+"""Plans on one discretisation or on a sequence of refined ones, and reference solutions."""
 
 import dataclasses
 import math
@@ -213,7 +213,7 @@ def finer(
     return sizes.halved(*chosen)
 
 
-# Plan on finer and finer discretisations until the stated error is within what was asked for.
+# Refinement until the stated error is at most the requested accuracy.
 
 
 def make_accurate(
@@ -282,7 +282,7 @@ def _short(plan: Plan, error: ErrorEstimate, accuracy: float, most: int) -> Plan
     return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)
 
 
-# The exact tissue, as nearly as it can be had: what errors of placement are measured against.
+# Reference solutions on a much finer mesh, for the true placement error.
 
 
 KERNEL_POINTS = 1600

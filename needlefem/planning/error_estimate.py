@@ -1,14 +1,15 @@
-"""How far from the target a plan places, estimated on a finer tissue.
+"""Estimate of the placement error of a plan on a finer tissue.
 
-The error of a plan is where its release would place on the exact tissue, less the target. The
-forces of the planned release are put on a finer tissue: each cell cut in pieces of half its
-size, or, for linear elements, the quadratic one on the same cells. There the displacement is
-another one. Shaft and tip lie on the axis there too, so that lateral forces follow (by the
-plan's own compliance); what is left at the tip is, divided by how depth grows along the path,
-where the seed rests instead. It takes the finer stiffness and a few dozen back-substitutions of
-the plan's own tissue. The path in the material stays that of the plan, although on the finer
-tissue the tip would have left it sideways: a whole insertion gives the same along the needle, but
-may give several times as much across it. The stated error therefore has a safety factor.
+The error is the final position of the release on the exact tissue, minus the target. The forces of
+the planned release are applied to a finer tissue: each cell is divided into cells of half its size
+or, for linear elements, the quadratic element is used on the same cells. The displacement there
+differs. Shaft and tip are constrained to the needle axis there too, so that the lateral forces
+follow by the compliance of the plan. The remaining offset at the tip, divided by the derivative of
+depth along the path, is the change of the final position. This needs the finer stiffness and a few
+dozen back-substitutions with the factorisation of the plan. The cut path in the material is that of
+the plan, although the tip would have left it sideways on the finer tissue: a complete insertion has
+the same error along the needle, but may have several times the error across it. The stated error
+therefore has a safety factor.
 """
 
 from collections.abc import Callable

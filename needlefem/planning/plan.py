@@ -1,4 +1,4 @@
-"""Plan on a discretisation that has passed its checks, and say what the plan is worth."""
+"""Planning on a discretisation that has passed its checks, with the estimate of the error."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Heights at which a needle keeps away from the obstacles of a scene."""
+"""Search for the release point of one needle direction, with obstacles."""
 
 import dataclasses
 import math
@@ -108,7 +108,7 @@ def _error(candidate: Candidate) -> float:
     return candidate.release.placement_error
 
 
-# Plan where to release so that the point ends on the target.
+# Release point whose final position is the target.
 
 
 BEYOND = 3
@@ -404,7 +404,7 @@ def _rounded_up(value: float) -> str:
     return f"{math.ceil(value / unit - ROUND_OFF) * unit:.2g}"
 
 
-# What studies share.
+# Functions of the studies.
 
 
 def planner_of(scene: Scene) -> Planner:

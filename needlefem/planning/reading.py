@@ -1,8 +1,8 @@
-"""What an insertion says about a target, or why it says nothing.
+"""Evaluation of an insertion for a target: the lateral error, or the reason why there is none.
 
-An insertion of a plan ends where the target has been passed. It may end before: at the largest
-depth, where the tip leaves the tissue, or because no equilibrium was found. A path that broke off
-is no evidence: its last point is not the nearest one that the needle could reach.
+An insertion of a plan ends when the tip has passed the target. It may end before: at the largest
+depth, where the tip leaves the tissue, or without convergence. An insertion that ended early is no
+evidence: its last point is not the nearest point that the needle could reach.
 """
 
 from enum import StrEnum

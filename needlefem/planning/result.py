@@ -1,4 +1,4 @@
-"""The outcome of planning."""
+"""The result of planning, and its headline with the stated placement error."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -225,12 +225,12 @@ class Plan:
     evidence: Evidence | None = None
 
 
-# The first line on a plan: its stated placement error, what that contains, what it does not.
+# Headline of a plan: the stated placement error and its contributions.
 #
-# A search ends within 1e-8 m of the target on its own model. That is a residual, not an estimate
-# of the accuracy: the placement error is that of the discretisation, as far as it was estimated,
-# times the safety factor of `error_estimate`: it is stated as ``at most about``.
-# It does not contain strains beyond those that small strain describes.
+# A search ends within 1e-8 m of the target on its own model. This is a residual and no estimate of
+# the accuracy. The stated placement error is the estimated error of the discretisation times the
+# safety factor of `error_estimate` (``at most about``). It does not include the error of small
+# strain.
 
 
 SMALL = 0.01

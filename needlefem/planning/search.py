@@ -1,4 +1,4 @@
-"""Searches over the insertion height."""
+"""Search methods over the lateral offset of the insertion."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""From a scene to its discretised tissue."""
+"""Mesh and tissue model of a scene."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence

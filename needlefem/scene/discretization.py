@@ -1,4 +1,4 @@
-"""Where the mesh of a scene comes from."""
+"""Mesh, discretisation, damping and limits of a scene."""
 
 import dataclasses
 import math
@@ -95,7 +95,7 @@ class FileMesh(Validated):
     )
 
 
-# Numbers of the method, as opposed to those of the tissue and the needle; and damping.
+# Parameters of the method, and damping.
 
 
 DYNAMIC = ("newmark", "generalized_alpha")

@@ -1,9 +1,9 @@
-"""Work and memory of a scene, estimated before anything of them is spent.
+"""Estimates of work and memory of a scene, before a computation starts.
 
-A box of 5000 x 5000 squares or a path of micrometres would fill the memory or run for days.
-Estimates are those of `BYTES_PER_UNKNOWN` and its neighbours, measured on the cases; they are
-meant to tell the possible from the absurd, not to predict a run. The limits themselves are the
-scene's (`needlefem.scene.Limits`, ``[limits]`` in a case), so that who has the memory raises them.
+A box of 5000 x 5000 squares or a path spacing of micrometres would fill the memory or run for days.
+The estimates use `BYTES_PER_UNKNOWN` and similar constants, which were measured on the cases. They
+separate feasible from infeasible scenes and do not predict a run. The limits are keys of the case
+(`needlefem.scene.Limits`, ``[limits]``) and can be raised.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""March, equilibrium step by step, or inertia: what a motion needs, by numbers known beforehand."""
+"""Automatic choices for a scene: integrator, element, quadrature of the tip, skipped work."""
 
 import dataclasses
 import math
@@ -75,7 +75,7 @@ def needs_steps(scene: Scene) -> str:
     return ""
 
 
-# The one place that decides: what a scene needs, and what it can do without.
+# Choices that a scene leaves open, and work that it does not need.
 
 
 CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
@@ -168,7 +168,7 @@ def cell_shape(scene: Scene) -> str:
 def _ratio(scene: Scene, material: Material) -> float:
     """Return the Poisson's ratio that says how nearly incompressible a law is to elements.
 
-    In plane stress the third direction gives way, and nothing locks.
+    In plane stress the strain in the third direction is free, so that no element locks.
     """
     return 0.0 if scene.plane == "stress" else volumetric_split(material).poissons_ratio
 

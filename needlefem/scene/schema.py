@@ -1,4 +1,4 @@
-"""The parts of a scene."""
+"""The scene and its parts as frozen dataclasses; their fields are the keys of a case file."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
@@ -152,7 +152,9 @@ class Stage(Validated):
         "Speed, where it differs from the motion's", "speed", default=None, low=0.0
     )
     dwell: float | None = parameter("How long the needle rests", "time", default=None, low=0.0)
-    release: str | None = parameter("What the tip lets go of at its end, by a name", default=None)
+    release: str | None = parameter(
+        "Name of what the tip releases at the end of the stage", default=None
+    )
     seed_count: int | None = parameter(
         "How many seeds are laid while retracting, the first where it starts",
         default=None,

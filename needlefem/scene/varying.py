@@ -1,4 +1,4 @@
-"""Scenes with something changed."""
+"""Scenes with changed fields, and dotted names of fields."""
 
 import dataclasses
 import warnings
