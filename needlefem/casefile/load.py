@@ -23,7 +23,6 @@ from needlefem.casefile.reader import (
 from needlefem.errors import CaseError, short
 from needlefem.geometry.image_frame import ImageFrame
 from needlefem.io.expectations import check_key
-from needlefem.io.saved_result import SavedResult, load_result
 from needlefem.scene import (
     Discretization,
     Expectation,
@@ -41,6 +40,9 @@ from needlefem.scene import (
 from needlefem.scene.version_1 import OldWord, renewed_case, renewed_path, report
 from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import made, refuse_unknown
+
+if typing.TYPE_CHECKING:
+    from needlefem.io.saved_result import SavedResult
 
 
 def read_expectations(items: Any, axes: Sequence[str]) -> tuple[Expectation, ...]:
@@ -285,6 +287,8 @@ def read_again(path: str | Path) -> SavedCase:
     CaseError
         There is no result, or it does not say from which case it came.
     """
+    from needlefem.io.saved_result import load_result  # noqa: PLC0415  (a case needs none of it)
+
     saved = load_result(path)
     if saved.kind not in ("run", "plan") or not saved.record.get("source"):
         remedy = "write it anew with run --out or plan --out"
@@ -295,7 +299,7 @@ def read_again(path: str | Path) -> SavedCase:
     return SavedCase(load_case(_source(saved), assignments), saved.record)
 
 
-def _source(saved: SavedResult) -> Path:
+def _source(saved: "SavedResult") -> Path:
     """Return the case's path; where it is not there any more, that of one beside the result."""
     source = Path(saved.record["source"])
     beside = saved.path.parent / source.name

@@ -23,9 +23,9 @@ from needlefem.errors import NoRendererError
 from needlefem.insertion.cut_path import TipPoint
 from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.postprocess import StrainCheck, validity
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Discretised, Simulation, discretised
+from needlefem.insertion.strain_check import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
 from needlefem.io.records import (
     energy_record,

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from needlefem.insertion.insertion_run import InsertionRun
     from needlefem.insertion.motion_schedule import TimeStep
     from needlefem.insertion.path_following import PathFollowing
-    from needlefem.insertion.postprocess import StrainCheck, validity
     from needlefem.insertion.response_in_time import DynamicResponse, ViscoelasticResponse
     from needlefem.insertion.result import (
         EnergyTerms,
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from needlefem.insertion.simulation import Discretised, Simulation, Watch, discretised
     from needlefem.insertion.state import State, TipPhase, displacements, load, loads
     from needlefem.insertion.sticking import STICK_CONDITION
+    from needlefem.insertion.strain_check import StrainCheck, validity
     from needlefem.insertion.time_stepping import TimeStepping
     from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
 
@@ -76,7 +76,7 @@ if not TYPE_CHECKING:
         insertion_run="InsertionRun",
         motion_schedule="TimeStep",
         path_following="PathFollowing",
-        postprocess="StrainCheck validity",
+        strain_check="StrainCheck validity",
         response_in_time="DynamicResponse ViscoelasticResponse",
         result="EnergyTerms Event Insertion LeftTissueError Outcome Rupture Seed Status",
         simulation="Discretised Simulation Watch discretised",

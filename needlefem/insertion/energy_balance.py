@@ -8,6 +8,7 @@ identity. With the trapezoidal rule it closes to second order in each step: an i
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.result import EnergyTerms, Insertion, Rupture
 from needlefem.insertion.state import State, TipPhase, displacements, loads, means_of
-from needlefem.insertion.step_equations import Field
+
+if TYPE_CHECKING:
+    from needlefem.insertion.step_equations import Field
 
 SUMMED = ("work", "strain", "lateral_penalty_energy", "friction", "cutting", "rupture",
           "contact_activation")  # fmt: skip
@@ -267,7 +270,7 @@ class EnergyBalance:
     total_absolute_work: float = 0.0
 
     def weigh(
-        self, old: State, new: State, fields: tuple[Field, Field], front: float
+        self, old: State, new: State, fields: tuple["Field", "Field"], front: float
     ) -> EnergyIncrement:
         """Return what a step between two states spends.
 
@@ -392,7 +395,7 @@ class _Side:
     """The functionals with a force at one end of a step, in the fields of both ends."""
 
     def __init__(
-        self, own: State, other: Field, pieces: Sequence[ContactSegment], at_other: State
+        self, own: State, other: "Field", pieces: Sequence[ContactSegment], at_other: State
     ) -> None:
         self.own = own
         self.common = min(own.full_segments, at_other.full_segments)

@@ -5,13 +5,13 @@ The operator of a step depends on its duration. The operators of the latest dura
 
 import dataclasses
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from needlefem._arrays import Floats, Vector
+from needlefem._arrays import Floats, Ints, Vector
 from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.dynamics import (
     Damping,
@@ -21,13 +21,16 @@ from needlefem.dynamics import (
     TissueEnergyBalance,
     TissueSystem,
 )
-from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper, StaticStepper
+from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper, StaticStepper, at_rest
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.factorization import Factor
+from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import State, load
 from needlefem.insertion.tissue_response import ExpectedLoads, responses_of
-from needlefem.scene import Rayleigh, Scene
+from needlefem.scene import DYNAMIC, Rayleigh, Scene
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -286,3 +289,90 @@ def damping_of(said: Rayleigh) -> Damping:
         return Damping(mass_rate=said.mass_rate, stiffness_time=said.stiffness_time)
     first, second = said.frequencies
     return Damping.from_ratios((first, second), (said.ratios[0], said.ratios[1]))
+
+
+# Displacement in states of an insertion that has ended. It does not follow from the forces of one
+# state: the steps of the insertion are repeated with the stored forces.
+
+
+Steps = Iterator[tuple[float, Floats]]
+"""Durations, s, and the needle's forces at their ends, shape (ndofs,)."""
+SAME = 1e-6
+"""How far the tip's displacement may be off what the state says of it, over the largest one."""
+
+
+def _inertial(insertion: Insertion) -> bool:
+    return insertion.scene.discretization.integrator in DYNAMIC
+
+
+def gone_through(insertion: Insertion, numbers: Ints) -> Floats:
+    """Return the displacements in some states, shape (ndofs, n), m.
+
+    Parameters
+    ----------
+    insertion : Insertion
+        With all of its states.
+    numbers : array, shape (n,)
+        Of the states.
+
+    Raises
+    ------
+    SimulationError
+        States before are missing.
+    """
+    model, frame = insertion.model, insertion.axis.frame
+    states = insertion.states[: int(np.max(numbers)) + 1]
+    times = np.array([state.time for state in states])
+    forces = (load(model, frame, state, insertion.pieces) for state in states[1:])
+    steps = ((float(d), f) for d, f in zip(np.diff(times), forces, strict=True))
+    moved = _swung(insertion, steps) if _inertial(insertion) else _crept(insertion, steps)
+    found, now = np.zeros((model.ndofs, len(numbers))), np.zeros(len(model.free_dofs))
+    for number, state in enumerate(states):
+        if number:
+            now = next(moved)
+        asked = np.flatnonzero(numbers == number)
+        if asked.size:
+            found[model.free_dofs[:, None], asked] = now[:, None]
+            _compare(insertion, state, found[:, asked[0]])
+    return found
+
+
+def _compare(insertion: Insertion, state: State, moved: Floats) -> None:
+    """Raise a `SimulationError` if a displacement is not that of a state."""
+    nodal = insertion.model.nodal(moved)
+    tip = LinearFunctionals(state.tip_nodes, state.tip_weights[None]).of(nodal)[0]
+    apart = abs(float(tip @ insertion.axis.direction) - state.tip_displacement)
+    if apart > SAME * max(float(np.abs(nodal).max()), abs(state.tip_displacement)):
+        raise SimulationError(
+            "the displacement of tissue that depends on time can't be found again: keep all "
+            "states of the insertion"
+        )
+
+
+def _swung(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
+    """Yield what tissue with inertia does, shape (free dofs,), m."""
+    medium = dynamic_response(insertion.scene, insertion.model)
+    now = np.zeros(len(insertion.model.free_dofs))
+    for duration, force in steps:
+        if duration > 0.0:
+            medium.begin(duration)
+            medium.finish(force)
+            assert medium.motion is not None
+            now = medium.motion.u
+        yield now
+
+
+def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
+    """Yield what tissue with a memory does, shape (free dofs,), m."""
+    model, system = insertion.model, TissueSystem(insertion.model)
+    start = motion = at_rest(system)
+    steppers: LeastRecentlyUsed[str, StaticStepper] = LeastRecentlyUsed()
+    stepper: StaticStepper | None = None
+    for duration, force in steps:
+        if duration > 0.0:
+            start, step = motion, duration
+            stepper = steppers.get(f"{step:.9e}", partial(StaticStepper, system, step))
+        if stepper is not None:  # forces that follow at the same time act from the same start on
+            free = force[model.free_dofs]
+            motion = stepper.step_under_load(start, free, free)
+        yield motion.u

@@ -9,7 +9,6 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.contact.condensed_contact import CondensedContact, ContactSegment, ContactTrial
-from needlefem.contact.friction import SlipWeakeningFriction, refuse_noise
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import CutPath
@@ -233,7 +232,7 @@ def displacements(insertion: "Insertion", states: Sequence[int]) -> Floats:
     happened before is gone through again (`replay.py`).
     """
     if depends_on_time(insertion):
-        from needlefem.insertion.postprocess import gone_through  # noqa: PLC0415 (needs dynamics)
+        from needlefem.insertion.response_in_time import gone_through  # noqa: PLC0415 (needs dynamics)
 
         return gone_through(insertion, np.asarray(states))
     return insertion.model.solve(loads(insertion, states))
@@ -380,15 +379,3 @@ def extend(contact: CondensedContact, pieces: Sequence[ContactSegment]) -> None:
     for piece in pieces[len(contact.pieces) :]:
         trial = contact.trial(LinearFunctionals(piece.nodes, piece.weights[None]))
         contact.append_segment(trial, 0, 0.0, piece.offset, piece.compliance)
-
-
-def check_stick_resolution(
-    contact: CondensedContact, track: CutPath, friction: SlipWeakeningFriction
-) -> None:
-    """Raise a `SimulationError` where the tissue can't tell the path's pieces apart that stick."""
-    count = len(contact.pieces)
-    if count:
-        contact.set_active(count)
-        lengths = np.diff(track.arcs[:count])
-        compliance = contact.sliding().compliance[1:, 1:]  # the entry point has no friction
-        refuse_noise(compliance, friction.slack(lengths))

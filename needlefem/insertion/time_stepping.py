@@ -12,18 +12,19 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from needlefem.contact.condensed_contact import ContactSegment
-from needlefem.contact.friction import SlipWeakeningFriction
+from needlefem.contact.condensed_contact import CondensedContact, ContactSegment
+from needlefem.contact.friction import SlipWeakeningFriction, refuse_noise
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.energy_balance import EnergyBalance
 from needlefem.insertion.events import EventLog, crossing_of_uncut_skin, crossing_on_path
 from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.progress import Progress, StepResult
 from needlefem.insertion.result import EnergyTerms, LeftTissueError, Outcome, Rupture, Status
-from needlefem.insertion.state import State, TipPhase, check_stick_resolution, loading_state
+from needlefem.insertion.state import State, TipPhase, loading_state
 from needlefem.insertion.step_equations import StepEquations, StepSolution
 from needlefem.insertion.tip_advance import advance_at_fixed_depth, find_arrest, segment_target
 from needlefem.insertion.tip_phase import (
@@ -300,3 +301,15 @@ class TimeStepping:
             at = progress.state if timeless else held
             self.event_log.record("puncture", sum(progress.spent), at)
         yield from states
+
+
+def check_stick_resolution(
+    contact: CondensedContact, track: CutPath, friction: SlipWeakeningFriction
+) -> None:
+    """Raise a `SimulationError` if the forces on sticking segments are not determined."""
+    count = len(contact.pieces)
+    if count:
+        contact.set_active(count)
+        lengths = np.diff(track.arcs[:count])
+        compliance = contact.sliding().compliance[1:, 1:]  # the entry point has no friction
+        refuse_noise(compliance, friction.slack(lengths))

@@ -6,9 +6,9 @@ from enum import StrEnum
 
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
-from needlefem.insertion.postprocess import StrainCheck
 from needlefem.insertion.result import EnergyTerms, Insertion
 from needlefem.insertion.simulation import Discretised
+from needlefem.insertion.strain_check import StrainCheck
 from needlefem.needle.clearance import Passing
 from needlefem.planning.search import SearchResult
 

@@ -8,7 +8,7 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.errors import CaseError, nearest
 from needlefem.fem.recovery import CellFields
-from needlefem.insertion.postprocess import LARGE_STRAIN
+from needlefem.insertion.strain_check import LARGE_STRAIN
 from needlefem.plotting.panel import Scale
 
 TOP = 99.5
