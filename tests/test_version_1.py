@@ -15,6 +15,7 @@ from needlefem.scene import Scene, vary
 from needlefem.scene.version_1 import (
     CASE_KEYS,
     RESULT_KEYS,
+    OldWord,
     renewed_case,
     renewed_quantity,
     renewed_record,
@@ -194,3 +195,13 @@ def test_expectations_of_old_keys() -> None:
     assert name == "run.seeds.0.distance_from_rest"
     assert len(found) == 1
     assert renewed_quantity("smoothness.noise", []) == "smoothness.noise"
+
+
+def test_values_that_are_no_tables_of_text_stay_as_they_are() -> None:
+    found: list[OldWord] = []
+    given = {"regions": {1: {"a": (1, 2)}}, "motion": {"stages": ({"to": 1},)}}
+    renewed = renewed_case(given, found)
+    assert renewed == {"regions": {1: {"a": (1, 2)}}, "motion": {"stages": ({"depth": 1},)}}
+    assert [str(word) for word in found] == ["motion.stages.0.to is now depth"]
+    word = OldWord("a", "b", "c")  # a named tuple is a value
+    assert renewed_case(word, found) is word

@@ -136,7 +136,7 @@ def renewed_case(node: Any, found: list[OldWord], path: KeyPath = ()) -> Any:
         if name in table or (name != key and name in node):
             where = ".".join((*path, str(key)))
             raise CaseError(where, f"{name} is there as well", "keep one of the two")
-        table[name] = renewed_case(value, found, (*path, name))
+        table[name] = renewed_case(value, found, (*path, str(name)))
     return table
 
 
