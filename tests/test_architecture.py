@@ -57,8 +57,8 @@ def test_planning_imports_no_pictures() -> None:
         "import needlefem.cli.main, needlefem.cli.plan\n"
         "heavy = {'pyvista', 'vtk', 'vtkmodules', 'meshio', 'matplotlib', 'rich', 'SimpleITK'}\n"
         "rooms = {'needlefem.plotting', 'needlefem.image', 'needlefem.newcase.box',\n"
-        "         'scipy.optimize', 'scipy.ndimage', 'needlefem.dynamics', 'needlefem.io.saved_result',\n"
-        "         'needlefem.contact.friction'}\n"
+        "         'scipy.optimize', 'scipy.ndimage', 'needlefem.dynamics',\n"
+        "         'needlefem.contact.friction', 'needlefem.io.saved_result'}\n"
         "found = {name.split('.')[0] for name in sys.modules} | set(sys.modules)\n"
         "print(sorted((heavy | rooms) & found))"
     )
