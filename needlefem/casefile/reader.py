@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
+# the modules of these folders that read files are imported when they are first used
+from needlefem import casefile
+from needlefem import mesh as meshes
 from needlefem._arrays import Floats, SkfemMesh
 from needlefem._toml import dotted_key
-from needlefem.casefile.contourfile import read_contour
 from needlefem.errors import CaseError, nearest, short
 from needlefem.geometry.contour import Contour
 from needlefem.materials import LAWS, Material, law_class, volumetric_split
 from needlefem.materials.catalogue import library, tissue_table
-from needlefem.mesh.file import read_mesh
 from needlefem.mesh.generation import cell_sizes, group_cells, outline, parts
 from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Obstacle, Region, Scene, Support
 from needlefem.units import UNITS, dimension_of, parse_quantity
@@ -148,7 +149,7 @@ class CaseReader:
             rest = {key: value for key, value in table.items() if key != "file"}
             path = self.folder / path_of(table["file"], "mesh.file")
             from_file: FileMesh = self.fill(FileMesh, rest, "mesh", path=path)
-            self.file_mesh = read_mesh(path, from_file.unit)
+            self.file_mesh = meshes.read_mesh(path, from_file.unit)
             return from_file
         box: BoxMesh = self.fill(BoxMesh, table, "mesh")
         return box
@@ -192,7 +193,7 @@ class CaseReader:
             if not 0.0 < unit < np.inf:
                 problem = short(table["unit"])
                 raise CaseError(f"{prefix}.unit", problem, "give a positive length")
-        contour = read_contour(file, key, self.axes, unit)
+        contour = casefile.read_contour(file, key, self.axes, unit)
         if "offset" in table:
             contour = contour.moved(np.array(self.point(table, "offset", prefix)))
         return contour

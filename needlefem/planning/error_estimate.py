@@ -17,6 +17,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy import sparse
 
+# the module of this folder that refines meshes is imported when it is first used
+from needlefem import mesh as meshes
 from needlefem._arrays import Floats, Ints, Sparse, Vector
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.tissue_model import TissueModel
@@ -24,7 +26,6 @@ from needlefem.fem.two_level_solver import TwoLevelSolver
 from needlefem.geometry.contour import Contour
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.mesh.conform import uniformly_refined
 from needlefem.planning.reading import ROUND_OFF, InsertionReader, at_jump, broke_off, state_at
 from needlefem.planning.result import ErrorEstimate, Plan
 from needlefem.scene import BoxMesh, Scene, vary
@@ -73,7 +74,9 @@ def estimate(simulation: Simulation, plan: Plan, *, path: bool = False) -> Error
     contours = _fitted_to(simulation.scene)
     if contours and finer.model.mesh is not simulation.model.mesh:
         # straight edges cut a contour's corners; that may cancel the rest: the larger counts
-        rounder = build_model(finer.scene, uniformly_refined(simulation.model.mesh, contours))
+        rounder = build_model(
+            finer.scene, meshes.uniformly_refined(simulation.model.mesh, contours)
+        )
         other = displacement_on(Simulation(finer.scene, rounder), simulation, plan)
         offset = max(offset, other, key=lambda move: float(np.linalg.norm(move)))
     path = path or _long_pieces(simulation.scene)
@@ -121,7 +124,7 @@ def finer_tissue(simulation: Simulation) -> tuple[Simulation, str, float]:
         model.locate_as(simulation.model)
         return Simulation(finer, model), f"{better} on the same cells", 1.0
     finer = vary(scene, points)
-    model = build_model(finer, uniformly_refined(mesh))
+    model = build_model(finer, meshes.uniformly_refined(mesh))
     return Simulation(finer, model), f"{row.name} on cells half as large", HALVED
 
 

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+# the modules of this folder that fit and read meshes are imported when they are first used
+from needlefem import mesh as meshes
 from needlefem._arrays import Floats, Points, SkfemMesh
 from needlefem._progress import doing
 from needlefem.elements import element_row
@@ -13,8 +15,6 @@ from needlefem.fem.tissue_model import TissueModel
 from needlefem.geometry.contour import Contour
 from needlefem.mesh import generation
 from needlefem.mesh.cell_map import cell_measures
-from needlefem.mesh.conform import fit_to_contours
-from needlefem.mesh.file import read_mesh
 from needlefem.scene.discretization import BoxMesh, FileMesh
 from needlefem.scene.limits import SPLIT, check_cells, check_mesh
 from needlefem.scene.resolve import resolve
@@ -78,7 +78,7 @@ def _box_cells(
             mesh = generation.find_contour(mesh, contour, larger * size)
         mesh = generation.refine(mesh, wanted_size)
     if fitted:
-        mesh = fit_to_contours(mesh, contours)
+        mesh = meshes.fit_to_contours(mesh, contours)
         for name, contour in contours.items():
             _check_area(mesh, name, contour)
     return generation.into_quadrilaterals(mesh) if split else mesh
@@ -118,7 +118,7 @@ def _fitting_size(scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]
 
 
 def _mesh_of_file(scene: Scene, wanted: FileMesh) -> SkfemMesh:
-    mesh = read_mesh(wanted.path, wanted.unit)
+    mesh = meshes.read_mesh(wanted.path, wanted.unit)
     check_cells(scene, mesh.nelements, "mesh.file", "a coarser mesh")
     _check_contours_in(mesh, _contours(scene))
     groups = {}
