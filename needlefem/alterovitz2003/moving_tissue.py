@@ -16,6 +16,7 @@ from needlefem._arrays import Floats, Ints, Sparse, Vector
 from needlefem.alterovitz2003.movable_mesh import MovableMesh, dense_places, spread
 from needlefem.alterovitz2003.node_chain import Moves
 from needlefem.dynamics import Damping, KinematicState, Newmark, TissueSystem
+from needlefem.errors import CaseError
 from needlefem.fem.compliance import CachedCompliance
 from needlefem.fem.factorization import Factor, factorise
 from needlefem.fem.interpolation import LinearFunctionals
@@ -26,6 +27,11 @@ class Equations:
     """Values of unknowns at nodes and loads on them; zero at fixed dofs."""
 
     def __init__(self, model: TissueModel) -> None:
+        if model.frames is not None:
+            problem = "an inclined support with the conforming coupling of the 2003 method"
+            raise CaseError(
+                "supports", problem, "fix components along the axes, or embed the needle"
+            )
         number = np.full(model.ndofs, -1)
         number[model.free_dofs] = np.arange(len(model.free_dofs))
         self._table: Ints = number[model.node_dofs]

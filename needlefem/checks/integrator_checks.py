@@ -36,7 +36,7 @@ def energy_drift(model: TissueModel, step: float, count: int, lumping: str | Non
     shape = np.sin(np.pi * (model.nodes - model.nodes.min(axis=0)) / np.ptp(model.nodes, axis=0))
     field = np.zeros(model.ndofs)
     field[model.node_dofs] = np.prod(shape, axis=1)[:, None] * np.arange(1, model.dim + 1)
-    start = field[model.free_dofs]
+    start = model.unknowns(field)
     motion = dynamics.start(start, np.zeros_like(start))
     energy, drift = energy_of(motion), 0.0
     for number in range(1, count + 1):

@@ -161,6 +161,8 @@ class CondensedContact:
         self._follow_growth()
         count = len(weights.rows) * self.dim
         loads = (weights.rows[:, None, :, None] * self.frame[:, None, :]).reshape(count, -1)
+        if self.responses.frames is not None:
+            loads = self.responses.frames.local_loads(weights.nodes, loads)
         response = self.responses.respond(rows, loads)
         bare = loads @ response.at(rows)
         coupling = loads @ self._columns_at(rows)
@@ -213,7 +215,10 @@ class CondensedContact:
         moved: Floats = self._columns[rows, : len(path)] @ path
         if trial is not None:
             moved = moved + trial.response.at(rows) @ forces
-        return moved.reshape(-1, self.dim)
+        field: Floats = moved.reshape(-1, self.dim)
+        if self.responses.frames is None:
+            return field
+        return self.responses.frames.along_axes(nodes, field)
 
     def append_segment(
         self, trial: ContactTrial, which: int, axial: float, offset: Floats, compliance: float

@@ -332,8 +332,7 @@ class TissueSystem:
         if self.model.element.definite:
             found: Floats = self._stiffness @ x
             return found
-        forces: Floats = self.model.stiffness.force(self._on_all(x))[self.model.free_dofs]
-        return forces
+        return self.model.unknowns(self.model.stiffness.force(self.model.dof_vectors(x)))
 
     def products(self, a: Floats | None, v: Floats | None, u: Floats | None) -> Floats:
         """See `System`."""
@@ -365,32 +364,27 @@ class TissueSystem:
         if elastic == 0.0:
             return factorise(inertia * self.mass)
         added = inertia * self._whole + weighted(self.model.branches, shares)
-        return self.model.stiffness.factor(self.model.free_dofs, elastic, added)
+        return self.model.stiffness.factor(self.model.free_dofs, elastic, added, self.model.frames)
 
     def strain_energy(self, u: Floats) -> float:
         """See `System`."""
-        return float(self.model.stiffness.energy(self._on_all(u)[:, None])[0])
+        return float(self.model.stiffness.energy(self.model.dof_vectors(u)[:, None])[0])
 
     def unknowns(self, field: Field) -> Floats:
         """Return a vector field at the free nodes, shape (size,), such as an initial condition."""
-        return self.model.dof_vector(field(self.model.nodes))[self.model.free_dofs]
+        return self.model.unknowns(self.model.dof_vector(field(self.model.nodes)))
 
     def body_force(self, field: Field) -> Floats:
         """Return the load of a force per volume, N/m^3, shape (size,)."""
-        return self.model.body_load(field)[self.model.free_dofs]
+        return self.model.unknowns(self.model.body_load(field))
 
     def traction(self, face: str, field: Field) -> Floats:
         """Return the load of a traction, Pa, on a named face, shape (size,)."""
-        return self.model.face_load(face, field)[self.model.free_dofs]
+        return self.model.unknowns(self.model.face_load(face, field))
 
     def nodal(self, x: Floats) -> Floats:
         """Return unknowns as a nodal field, shape (nnodes, dim); zero at fixed dofs."""
-        return self.model.nodal(self._on_all(x))
-
-    def _on_all(self, x: Floats) -> Floats:
-        whole = np.zeros(self.model.ndofs)
-        whole[self.model.free_dofs] = x
-        return whole
+        return self.model.nodal(self.model.dof_vectors(x))
 
     @cached_property
     def largest_frequency(self) -> float:

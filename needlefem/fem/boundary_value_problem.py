@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh
+from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.elements import ElementType
 from needlefem.fem import forms
 from needlefem.fem.forms import Field
-from needlefem.fem.function_space import FunctionSpace
+from needlefem.fem.function_space import FunctionSpace, NodalFrames, frame_along
 from needlefem.fem.recovery import stresses
 from needlefem.fem.stiffness import Stiffness
 from needlefem.materials import Material, plane_volumetric_split, volumetric_split
@@ -130,6 +130,7 @@ class BoundaryValueProblem:
         ]
         self.stiffness = Stiffness(self.space, splits, owner)
         self._held: Floats = np.full(self.space.ndofs, np.nan)
+        self._inclined: dict[int, list[tuple[Vector, float]]] = {}
         self._load: Floats = np.zeros(self.space.ndofs)
 
     def facets(self, where: Where = None) -> Ints:
@@ -141,13 +142,36 @@ class BoundaryValueProblem:
         return outer[where(mesh.p[:, mesh.facets[:, outer]].mean(axis=1).T)]
 
     def fix(
-        self, where: Where = None, field: Field | None = None, axes: Sequence[int] | None = None
+        self,
+        where: Where = None,
+        field: Field | None = None,
+        axes: Sequence[int] | None = None,
+        direction: Sequence[float] | None = None,
     ) -> "BoundaryValueProblem":
-        """Prescribe some components of the displacement on facets; zero without a field."""
+        """Prescribe some components of the displacement on facets; zero without a field.
+
+        Parameters
+        ----------
+        where : callable, optional
+            Selects outer facets by their midpoints; all of them if omitted.
+        field : callable, optional
+            Displacement (m) at points, shape (n, dim).
+        axes : sequence of int, optional
+            Axes of the prescribed components; all if omitted.
+        direction : sequence of float, optional
+            Direction of the only prescribed component, instead of `axes`: the normal of an
+            inclined plane of rollers.
+        """
         dofs = self.space.dofs_on(self.facets(where), axes)
         nodal = np.zeros((self.space.nnodes, self.space.dim))
         if field is not None:
             nodal = field(self.space.nodes)
+        if direction is not None:
+            unit = np.array(direction, dtype=float) / np.linalg.norm(direction)
+            for node in np.unique(self.space.node_of[dofs]).tolist():
+                value = float(nodal[node] @ unit)
+                self._inclined.setdefault(node, []).append((unit, value))
+            return self
         self._held[dofs] = self.space.dof_vector(nodal)[dofs]
         return self
 
@@ -174,7 +198,26 @@ class BoundaryValueProblem:
 
     def solve(self) -> StaticSolution:
         """Return the displacement and pressure in equilibrium."""
-        free = np.flatnonzero(np.isnan(self._held))
-        held = np.nan_to_num(self._held)
-        u, pressure = self.stiffness.solve(free, self._load, held)
+        held, frames = self._held, None
+        if self._inclined:
+            held, frames = self._in_frames()
+        free = np.flatnonzero(np.isnan(held))
+        u, pressure = self.stiffness.solve(free, self._load, np.nan_to_num(held), frames)
         return StaticSolution(self.space, self.stiffness, u, pressure, len(free) + len(pressure))
+
+    def _in_frames(self) -> tuple[Floats, NodalFrames]:
+        """Return prescribed components, NaN where free, with frames at inclined supports.
+
+        At a node that several supports fix, the prescribed components follow from all of them.
+        """
+        held, frames = self._held.copy(), {}
+        for node, inclined in self._inclined.items():
+            dofs = self.space.node_dofs[node]
+            along_axes = np.flatnonzero(~np.isnan(held[dofs]))
+            directions = np.vstack([np.eye(len(dofs))[along_axes], [unit for unit, _ in inclined]])
+            values = np.append(held[dofs[along_axes]], [value for _, value in inclined])
+            frame, count = frame_along(directions)
+            held[dofs] = np.nan
+            held[dofs[:count]] = np.linalg.lstsq(directions @ frame[:count].T, values)[0]
+            frames[node] = frame
+        return held, NodalFrames(frames, self.space.node_dofs)

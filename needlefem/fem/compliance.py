@@ -24,6 +24,7 @@ import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, Vector
 from needlefem.fem.factorization import Factor, factorise
+from needlefem.fem.function_space import NodalFrames
 from needlefem.fem.tissue_model import TissueModel
 
 BLOCK = 64
@@ -107,7 +108,7 @@ def coupled_equations(model: TissueModel, inner: Bools) -> Bools:
     inner : array, shape (nequations,)
         Whether an equation is an inner one.
     """
-    rows = model.stiffness.matrix.tocsr()[model.free_dofs[inner]]
+    rows = model.local_matrix(model.stiffness.matrix.tocsr())[model.free_dofs[inner]]
     found: Bools = np.isin(model.free_dofs, rows.indices) & ~inner
     return found
 
@@ -134,7 +135,7 @@ class StaticCondensation:
         self.inner = inner
         own = model.free_dofs[inner]
         self._place: Ints = np.cumsum(inner) - 1
-        rows = model.stiffness.matrix.tocsr()[own]
+        rows = model.local_matrix(model.stiffness.matrix.tocsr())[own]
         coupled = coupled_equations(model, inner)
         link = rows[:, model.free_dofs[coupled]].toarray(order="F")
         self._factor = factorise(rows[:, own])
@@ -229,10 +230,13 @@ class ComplianceOperator(Protocol):
         Number of rows so far. It may grow; existing rows keep their numbers.
     way : str
         Name of the method.
+    frames : NodalFrames or None
+        Frames in which the rows of some nodes are components; all others are along the axes.
     """
 
     size: int
     way: str
+    frames: NodalFrames | None
 
     @property
     def solves(self) -> int:
@@ -294,7 +298,7 @@ class CachedCompliance:
         self._columns, self._dim = columns, model.dim
         self._ahead = 0.0 if corridor is None else AHEAD * corridor.halfwidth
         self._places: Floats = model.nodes if corridor is None else corridor.places(model.nodes)
-        self.way = columns.way
+        self.way, self.frames = columns.way, model.frames
         self._equations = _Equations(model)
         self._slot: Ints = np.full(model.nnodes, -1)
         self._nodes: Ints = np.zeros(0, dtype=np.intp)
@@ -393,7 +397,7 @@ class DirectCompliance:
 
     def __init__(self, model: TissueModel, factor: Factor | None = None) -> None:
         self._factor = factor if factor is not None else model.factor
-        self._equations = _Equations(model)
+        self._equations, self.frames = _Equations(model), model.frames
         self.size = len(model.free_dofs) + 1  # the last row represents all fixed dofs
         self._solved = 0
 

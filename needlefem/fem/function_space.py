@@ -1,12 +1,13 @@
 """The function space of a displacement element on a mesh: dofs, nodes, values at points."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
 
-from needlefem._arrays import Floats, Ints, Points, SkfemMesh
+from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementType
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import forms
@@ -20,6 +21,80 @@ CELLS = {
     (3, 8): "hexahedron",
 }
 """Cell shape by dimension and number of vertices."""
+
+
+SAME_DIRECTION = 1e-9
+"""Sine of the angle up to which two directions are the same."""
+
+
+def frame_along(directions: Floats) -> tuple[Floats, int]:
+    """Return a frame, shape (dim, dim), whose first rows span some directions, and their number.
+
+    Parameters
+    ----------
+    directions : array, shape (ndirections, dim)
+        Unit vectors; some of them may be the same.
+    """
+    _, sizes, frame = np.linalg.svd(directions)
+    return frame, int(np.sum(sizes > SAME_DIRECTION))
+
+
+class NodalFrames:
+    """Orthonormal frames of the nodes whose supports act along other directions than the axes.
+
+    The unknowns of such a node are its displacement components in the frame. The first of them are
+    fixed by the supports, the others are free. All fields, loads and matrices outside of a linear
+    system have components along the axes.
+
+    Parameters
+    ----------
+    frames : mapping
+        Number of each node and its frame, shape (dim, dim), with the unit vectors as rows.
+    node_dofs : array, shape (nnodes, dim)
+        Dofs of all nodes.
+    """
+
+    def __init__(self, frames: Mapping[int, Floats], node_dofs: Ints) -> None:
+        nnodes, dim = node_dofs.shape
+        nodes = np.array(list(frames), dtype=np.intp)
+        self._frames: Floats = np.array(list(frames.values()))
+        self._number: Ints = np.full(nnodes, -1)
+        self._number[nodes] = np.arange(len(nodes))
+        dofs = node_dofs[nodes]
+        entries = np.ones(nnodes * dim)
+        entries[dofs] = 0.0
+        rows = np.repeat(dofs[:, None, :], dim, axis=1)  # components along the axes
+        columns = np.repeat(dofs[:, :, None], dim, axis=2)  # components in the frame
+        rotated = csr_array(
+            (self._frames.ravel(), (rows.ravel(), columns.ravel())), shape=(nnodes * dim,) * 2
+        )
+        self.matrix: Sparse = (rotated + diags_array(entries)).tocsr()
+        """Dof vectors along the axes of unit unknowns, shape (ndofs, ndofs)."""
+
+    def local_loads(self, nodes: Ints, loads: Floats) -> Floats:
+        """Return loads on nodes as loads on their unknowns.
+
+        Parameters
+        ----------
+        nodes : array, shape (k,)
+        loads : array, shape (n, k dim)
+            Components along the axes, ordered by node.
+        """
+        return self._turned(nodes, loads, self._frames)
+
+    def along_axes(self, nodes: Ints, values: Floats) -> Floats:
+        """Return the displacement of nodes, shape (k, dim), from their unknowns in that shape."""
+        back = self._frames.transpose(0, 2, 1)
+        return self._turned(nodes, values.reshape(1, -1), back).reshape(values.shape)
+
+    def _turned(self, nodes: Ints, values: Floats, matrices: Floats) -> Floats:
+        number = self._number[nodes]
+        own = np.flatnonzero(number >= 0)
+        if not own.size:
+            return values
+        blocks = values.reshape(len(values), len(nodes), -1).copy()
+        blocks[:, own] = np.einsum("kij,nkj->nki", matrices[number[own]], blocks[:, own])
+        return blocks.reshape(values.shape)
 
 
 class FunctionSpace:

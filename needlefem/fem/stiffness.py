@@ -22,7 +22,7 @@ from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem import forms
 from needlefem.fem.factorization import Factor, factorise, lasting_state
-from needlefem.fem.function_space import FunctionSpace
+from needlefem.fem.function_space import FunctionSpace, NodalFrames
 from needlefem.materials import VolumetricSplit
 from needlefem.materials.voigt import volumetric
 
@@ -205,8 +205,22 @@ class Stiffness:
         """Return K as a dense array (for small problems)."""
         return self.force(np.eye(self._basis.N))
 
-    def factor(self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None) -> Factor:
+    def factor(
+        self,
+        free: Ints,
+        stiffness: float = 1.0,
+        mass: Sparse | None = None,
+        frames: NodalFrames | None = None,
+    ) -> Factor:
         """Return the factor of ``stiffness K + mass`` on free dofs; mass: shape (ndofs, ndofs).
+
+        Parameters
+        ----------
+        free : array
+            Free dofs; at nodes with a frame, components in the frame.
+        stiffness : float
+        mass : sparse, shape (ndofs, ndofs), optional
+        frames : NodalFrames, optional
 
         Raises
         ------
@@ -215,7 +229,7 @@ class Stiffness:
         CaseError
             Incompressible tissue is enclosed on all sides.
         """
-        system, scale = self.system(free, stiffness, mass)
+        system, scale = self.system(free, stiffness, mass, frames)
         nodes = self._node_of[free]
         if self._element.definite:
             return factorise(system, groups=nodes)
@@ -226,14 +240,21 @@ class Stiffness:
         return _MixedFactor(whole, len(free), pressures, scale)
 
     def system(
-        self, free: Ints, stiffness: float = 1.0, mass: Sparse | None = None
+        self,
+        free: Ints,
+        stiffness: float = 1.0,
+        mass: Sparse | None = None,
+        frames: NodalFrames | None = None,
     ) -> tuple[Sparse, float]:
         """Return the matrix that `factor` factorises, and the unit of the pressure in it, Pa."""
         matrix = stiffness * self.matrix if mass is None else stiffness * self.matrix + mass
+        if frames is not None:
+            matrix = frames.matrix.T @ matrix @ frames.matrix
         block = matrix.tocsr()[free][:, free]
         if self._element.definite:
             return block, 1.0
-        coupling = self.coupling.tocsr()[:, free]
+        coupling = self.coupling if frames is None else self.coupling @ frames.matrix
+        coupling = coupling.tocsr()[:, free]
         self._refuse_enclosed(coupling)
         # this unit of the pressure gives both kinds of rows the same magnitude: better pivots
         scale = float(np.abs(block.data).mean() / np.abs(coupling.data).mean())
@@ -248,30 +269,37 @@ class Stiffness:
             remedy = "free a face, or lower Poisson's ratio"
             raise CaseError("supports", "incompressible tissue is enclosed on all sides", remedy)
 
-    def solve(self, free: Ints, load: Floats, held: Floats) -> tuple[Floats, Floats]:
+    def solve(
+        self, free: Ints, load: Floats, held: Floats, frames: NodalFrames | None = None
+    ) -> tuple[Floats, Floats]:
         """Return displacement and pressure for loads and prescribed displacements.
 
         Parameters
         ----------
         free : array
-            Dofs to be solved for.
+            Dofs to be solved for; at nodes with a frame, components in the frame.
         load : array, shape (ndofs,)
         held : array, shape (ndofs,)
             Displacement of the other dofs; zero on the free ones.
+        frames : NodalFrames, optional
 
         Returns
         -------
         Displacement, shape (ndofs,), and pressure, shape (npressures,); empty without pressure.
         """
-        rest = (load - self.matrix @ held)[free]
         found = held.copy()
-        factor = self.factor(free)
-        if not isinstance(factor, _MixedFactor):
-            found[free] += factor.solve(rest)
-            return found, np.zeros(0)
-        moved, pressure = factor.solve_both(rest, -(self.coupling @ held))
+        if frames is not None:
+            held = frames.matrix @ held
+        rest = load - self.matrix @ held
+        if frames is not None:
+            rest = frames.matrix.T @ rest
+        factor, pressure = self.factor(free, frames=frames), np.zeros(0)
+        if isinstance(factor, _MixedFactor):
+            moved, pressure = factor.solve_both(rest[free], -(self.coupling @ held))
+        else:
+            moved = factor.solve(rest[free])
         found[free] += moved
-        return found, pressure
+        return found if frames is None else frames.matrix @ found, pressure
 
 
 def _different(

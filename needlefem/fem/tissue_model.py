@@ -1,6 +1,7 @@
 """The discretised tissue with its supports: stiffness, mass and free dofs."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from needlefem.elements.shape_functions import shape_table
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem import forms
 from needlefem.fem.factorization import Factor
-from needlefem.fem.function_space import FunctionSpace
+from needlefem.fem.function_space import FunctionSpace, NodalFrames, frame_along
 from needlefem.fem.stiffness import Stiffness
 from needlefem.materials import (
     Material,
@@ -40,12 +41,69 @@ class Support(Validated):
     fixed: tuple[str, ...] = parameter(
         "Axes of the fixed displacement components; all if omitted", default=()
     )
+    direction: tuple[float, ...] = parameter(
+        "Direction of the only fixed displacement component, instead of `fixed`: the normal of an "
+        "inclined plane of rollers",
+        default=(),
+    )
+
+    def check(self) -> None:
+        """See `Validated`; the direction is made a unit vector."""
+        if not self.direction:
+            return
+        if self.fixed:
+            problem = "given together with a direction, which replaces it"
+            raise CaseError(f"{self.TABLE}.fixed", problem, "write one of them")
+        size = math.hypot(*self.direction)
+        if not size > 0.0:
+            problem = f"{short(self.direction)} has no length"
+            raise CaseError(f"{self.TABLE}.direction", problem, "give a vector such as [0.5, 1]")
+        unit = tuple(component / size for component in self.direction)
+        object.__setattr__(self, "direction", unit)
+
+
+def _fixed_directions(
+    space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
+) -> dict[int, Floats]:
+    """Return the fixed directions of all nodes with a support along another than the axes.
+
+    Each node has an array of shape (ndirections, dim), which contains the directions of its other
+    supports as well.
+    """
+    inclined = {
+        int(node)
+        for name, support in supports.items()
+        if support.direction
+        for node in _supported_nodes(space, support, name)
+    }
+    found: dict[int, list[Floats]] = {node: [] for node in inclined}
+    for name, support in supports.items() if inclined else ():
+        if support.direction:
+            directions = [np.array(support.direction)]
+        else:
+            directions = [np.eye(space.dim)[axes.index(axis)] for axis in support.fixed or axes]
+        for node in _supported_nodes(space, support, name):
+            if int(node) in inclined:
+                found[int(node)] += directions
+    return {node: np.array(directions) for node, directions in found.items()}
+
+
+def _supported_nodes(space: "FunctionSpace", support: Support, name: str) -> Ints:
+    """Return the nodes of a support's faces and regions in rising order."""
+    nodes = [np.zeros(0, dtype=np.intp)]
+    nodes += [space.cell_nodes[space.mesh.subdomains[r]].ravel() for r in support.regions]
+    for face in support.faces:
+        facets = space.face(face, f"supports.{name}.faces")
+        nodes.append(space.node_of[space.dofs_on(facets)])
+    return np.unique(np.concatenate(nodes))
 
 
 def supported_dofs(
     space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
-) -> Ints:
-    """Return the fixed dofs of all supports in rising order.
+) -> tuple[Ints, NodalFrames | None]:
+    """Return the fixed dofs of all supports in rising order, and the frames of inclined supports.
+
+    The dofs of a node with a frame are its components in that frame.
 
     Parameters
     ----------
@@ -64,14 +122,22 @@ def supported_dofs(
     for name, support in supports.items():
         for axis in set(support.fixed) - set(axes):
             raise CaseError(f"supports.{name}.fixed", f"no axis {short(axis)}", nearest(axis, axes))
-        components = [axes.index(axis) for axis in support.fixed or axes]
-        for region in support.regions:
-            nodes = np.unique(space.cell_nodes[space.mesh.subdomains[region]])
+        if support.direction and len(support.direction) != space.dim:
+            problem = f"{len(support.direction)} components in {space.dim} dimensions"
+            raise CaseError(f"supports.{name}.direction", problem, "give one for each axis")
+        if not support.direction:
+            components = [axes.index(axis) for axis in support.fixed or axes]
+            nodes = _supported_nodes(space, support, name)
             held.append(space.node_dofs[nodes][:, components].ravel())
-        for face in support.faces:
-            facets = space.face(face, f"supports.{name}.faces")
-            held.append(space.dofs_on(facets, components))
-    return np.unique(np.concatenate(held))
+    inclined = _fixed_directions(space, supports, axes)
+    if not inclined:
+        return np.unique(np.concatenate(held)), None
+    frames = {node: frame_along(directions) for node, directions in inclined.items()}
+    own = space.node_dofs[list(frames)].ravel()
+    along_axes = np.setdiff1d(np.concatenate(held), own)
+    held = [along_axes, *(space.node_dofs[node, :count] for node, (_, count) in frames.items())]
+    turned = {node: frame for node, (frame, _) in frames.items()}
+    return np.unique(np.concatenate(held)), NodalFrames(turned, space.node_dofs)
 
 
 class TissueModel(FunctionSpace):
@@ -114,13 +180,15 @@ class TissueModel(FunctionSpace):
         super().__init__(mesh, element)
         self.axes, self.plane = axes, plane
         self.materials, self.supports = materials, supports
-        self.held_dofs = supported_dofs(self, supports, axes)
+        self.held_dofs, self.frames = supported_dofs(self, supports, axes)
         self.free_dofs: Ints = np.setdiff1d(np.arange(self.ndofs), self.held_dofs)
         if not floating:
             self._refuse_rigid_motion()
 
     def _refuse_rigid_motion(self) -> None:
         motions = self.rigid_motions
+        if self.frames is not None:
+            motions = self.frames.matrix.T @ motions
         rank = np.linalg.matrix_rank(motions[self.held_dofs]) if len(self.held_dofs) else 0
         free = motions.shape[1] - int(rank)
         if free:
@@ -222,17 +290,40 @@ class TissueModel(FunctionSpace):
     def _mass_basis(self) -> object:
         return forms.displacement_basis(self.mesh, self.element, self.element.mass_rule)
 
+    def local_matrix(self, matrix: Sparse) -> Sparse:
+        """Return a matrix between dof vectors as the matrix between the components in frames."""
+        if self.frames is None:
+            return matrix
+        return (self.frames.matrix.T @ matrix @ self.frames.matrix).tocsr()
+
     def free_block(self, matrix: Sparse) -> Sparse:
-        """Return the rows and columns of the free dofs."""
-        return matrix[self.free_dofs][:, self.free_dofs]
+        """Return the rows and columns of the unknowns of a matrix between dof vectors."""
+        return self.local_matrix(matrix)[self.free_dofs][:, self.free_dofs]
+
+    def unknowns(self, vectors: Floats) -> Floats:
+        """Return the unknowns of dof vectors, shape (nfree,) or (nfree, k).
+
+        Parameters
+        ----------
+        vectors : array, shape (ndofs,) or (ndofs, k)
+            Loads, or fields that satisfy the supports.
+        """
+        if self.frames is not None:
+            vectors = self.frames.matrix.T @ vectors
+        found: Floats = vectors[self.free_dofs]
+        return found
+
+    def dof_vectors(self, unknowns: Floats) -> Floats:
+        """Return unknowns, shape (nfree,) or (nfree, k), as dof vectors; zero at fixed dofs."""
+        found = np.zeros((self.ndofs, *unknowns.shape[1:]))
+        found[self.free_dofs] = unknowns
+        return found if self.frames is None else self.frames.matrix @ found
 
     @cached_property
     def factor(self) -> Factor:
         """Factorisation of K on the free dofs."""
-        return self.stiffness.factor(self.free_dofs)
+        return self.stiffness.factor(self.free_dofs, frames=self.frames)
 
     def solve(self, loads: Floats) -> Floats:
         """Return displacements for loads on all dofs, both of shape (ndofs,) or (ndofs, k)."""
-        found = np.zeros_like(loads)
-        found[self.free_dofs] = self.factor.solve(np.ascontiguousarray(loads[self.free_dofs]))
-        return found
+        return self.dof_vectors(self.factor.solve(np.ascontiguousarray(self.unknowns(loads))))

@@ -49,14 +49,17 @@ class TwoLevelSolver:
         return self._finer.solve(load) if failed else found + change
 
     def _unheld(self, field: Floats) -> Floats:
+        frames = self._finer.frames
+        if frames is not None:
+            field = frames.matrix.T @ field
         field[self._finer.held_dofs] = 0.0
-        return field
+        return field if frames is None else frames.matrix @ field
 
     def _force(self, moved: Floats) -> Floats:
         return self._unheld(self._finer.stiffness.matrix @ moved)
 
     def _smoothed(self, rest: Floats) -> Floats:
-        smoothed: Floats = rest / self._diagonal + self._coarse(rest)
+        smoothed: Floats = self._unheld(rest / self._diagonal) + self._coarse(rest)
         return smoothed
 
     def _coarse(self, load: Floats) -> Floats:
@@ -69,13 +72,21 @@ def _spread(finer: TissueModel, coarser: TissueModel) -> Sparse:
     """Return the interpolation from the coarser free dofs to the finer dofs, 0 in fixed ones."""
     cells, reference = coarser.interpolation.locator.find(finer.nodes)
     inside = np.flatnonzero(cells >= 0)
-    number = np.full(coarser.ndofs, -1)
-    number[coarser.free_dofs] = np.arange(len(coarser.free_dofs))
-    there = number[coarser.node_dofs[coarser.interpolation.nodes_of(cells[inside])]]
+    there = coarser.node_dofs[coarser.interpolation.nodes_of(cells[inside])]
     here = np.broadcast_to(finer.node_dofs[inside][:, None], there.shape)
-    values = coarser.interpolation.shape(reference[inside])[:, :, None]
-    held = np.zeros(finer.ndofs, dtype=bool)
-    held[finer.held_dofs] = True
-    used = (there >= 0) & ~held[here]
-    entries = (np.broadcast_to(values, there.shape)[used], (here[used], there[used]))
-    return sparse.csr_array(entries, shape=(finer.ndofs, len(coarser.free_dofs)))
+    values = np.broadcast_to(
+        coarser.interpolation.shape(reference[inside])[:, :, None], there.shape
+    )
+    entries = (values.ravel(), (here.ravel(), there.ravel()))
+    spread = sparse.csr_array(entries, shape=(finer.ndofs, coarser.ndofs))
+    if coarser.frames is not None:
+        spread = spread @ coarser.frames.matrix
+    spread = spread[:, coarser.free_dofs]
+    free = np.ones(finer.ndofs)
+    free[finer.held_dofs] = 0.0
+    projection = sparse.diags_array(free)
+    if finer.frames is not None:
+        projection = finer.frames.matrix @ projection @ finer.frames.matrix.T
+    spread = (projection @ spread).tocsr()
+    spread.eliminate_zeros()
+    return spread

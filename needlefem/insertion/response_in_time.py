@@ -99,7 +99,7 @@ class ViscoelasticResponse:
     def finish(self, load: Floats) -> None:
         """See `TissueResponse`."""
         assert self._motion is not None
-        force = load[self.model.free_dofs]
+        force = self.model.unknowns(load)
         new = self._stepper.advance(self._start, self._free + self._stepper.factor.solve(force))
         ledger = TissueEnergyBalance(self._stepper)
         ledger.add(self._motion, new, self._forces, force, at_once=self._ended)
@@ -227,7 +227,7 @@ class DynamicResponse:
         for piece in pieces[len(self._loose) :]:
             load = np.zeros((self.model.nnodes, self.model.dim))
             load[piece.nodes] = piece.weights[:, None] * direction
-            force = self.model.dof_vector(load)[self.model.free_dofs]
+            force = self.model.unknowns(self.model.dof_vector(load))
             self._loose.append(float(force @ self._mass.solve(force)))
         inertia = weights.beta * self._stepper.step**2 / (1.0 - weights.mass)
         return np.array([*ways, (1.0 - weights.force) * inertia * np.array(self._loose)])
@@ -248,7 +248,7 @@ class DynamicResponse:
 
     def finish(self, load: Floats) -> None:
         """See `TissueResponse`."""
-        stepper, old, force = self._stepper, self._start, load[self.model.free_dofs]
+        stepper, old, force = self._stepper, self._start, self.model.unknowns(load)
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
         self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
         ledger = TissueEnergyBalance(stepper)
@@ -332,7 +332,7 @@ def gone_through(insertion: Insertion, numbers: Ints) -> Floats:
             now = next(moved)
         asked = np.flatnonzero(numbers == number)
         if asked.size:
-            found[model.free_dofs[:, None], asked] = now[:, None]
+            found[:, asked] = model.dof_vectors(now)[:, None]
             _compare(insertion, state, found[:, asked[0]])
     return found
 
@@ -373,6 +373,6 @@ def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
             start, step = motion, duration
             stepper = steppers.get(f"{step:.9e}", partial(StaticStepper, system, step))
         if stepper is not None:  # forces that follow at the same time act from the same start on
-            free = force[model.free_dofs]
+            free = model.unknowns(force)
             motion = stepper.step_under_load(start, free, free)
         yield motion.u

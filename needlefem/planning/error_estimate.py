@@ -282,7 +282,11 @@ class _Contact:
         """Return the functionals' components over the rows of the responses."""
         touched = np.unique(self._means.indices)
         slots, dim = responses.rows(touched).reshape(len(touched), -1), self._model.dim
-        entries = sparse.kron(self._means.tocsc()[:, touched], self._frame).tocoo()
+        weights = sparse.kron(self._means.tocsc()[:, touched], self._frame)
+        if responses.frames is not None:
+            loads = responses.frames.local_loads(touched, weights.toarray())
+            weights = sparse.coo_array(loads)
+        entries = weights.tocoo()
         columns = slots[entries.col // dim, entries.col % dim]
         shape = (entries.shape[0], responses.size)
         return sparse.csr_array((entries.data, (entries.row, columns)), shape=shape)

@@ -394,6 +394,10 @@ class Scene(Validated):
         }
         if isinstance(self.mesh, BoxMesh):
             counts["mesh.size"] = self.mesh.size
+        counts |= {
+            f"supports.{n}.direction": support.direction or None
+            for n, support in self.supports.items()
+        }
         for direction in self.planning.directions:
             counts["planning.directions"] = direction
             if len(direction) != self.dim:

@@ -122,6 +122,12 @@ def turned_scene(scene: Scene, turn: Floats) -> Scene:
                 changes[f"materials.{name}.{key}"] = moved(getattr(law, key))
     for name, region in scene.regions.items():
         changes[f"regions.{name}.contour"] = Contour(region.contour.points @ turn.T)
+    for name, support in scene.supports.items():
+        directions = [np.eye(scene.dim)[scene.axes.index(axis)] for axis in support.fixed]
+        if support.direction or len(directions) == 1:
+            (direction,) = [support.direction] if support.direction else directions
+            image = dataclasses.replace(support, fixed=(), direction=moved(direction))
+            changes[f"supports.{name}"] = image
     return vary(scene, changes)
 
 
