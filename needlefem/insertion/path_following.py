@@ -21,7 +21,7 @@ from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.interpolation import OutsideError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import Insertion, LeftTissueError, Outcome, Rupture, Status
-from needlefem.insertion.state import State, state_at_entry
+from needlefem.insertion.state import State, TipPhase, state_at_entry
 from needlefem.insertion.tip_solver import (
     MOST_ITERATIONS,
     ROUND_OFF,
@@ -300,6 +300,7 @@ class PathFollowing:
                 time=share * depth / self._speed,
                 tip_force=share * limit,
                 tip_lateral=share * held.tip_lateral,
+                tip_phase=TipPhase.CUTTING if share == 1.0 else TipPhase.LOADING,
             )
             yield self._keep(pressed)
         if reached < 1.0:
@@ -318,7 +319,11 @@ class PathFollowing:
         self._before = _PreviousStep(path, trial, trial.bare[0], depth)
 
     def _accept(
-        self, step: TipSolution, *, jumping: bool = False, guide: TipSolution | None = None
+        self,
+        step: TipSolution,
+        *,
+        phase: TipPhase = TipPhase.CUTTING,
+        guide: TipSolution | None = None,
     ) -> State:
         """Make the step's piece part of the path and keep the state.
 
@@ -347,7 +352,7 @@ class PathFollowing:
                 friction_force=self.contact.friction_forces,
                 lateral_force=np.vstack([lateral, step.lateral]),
                 segment_displacement=np.concatenate([moved[:-2], moved[-1:]]),
-                jumping=jumping,
+                tip_phase=phase,
                 time=step.depth / self._speed,
             )
         )
@@ -437,7 +442,7 @@ class PathFollowing:
         first, depth = len(self.states) - 1, self.states[-1].depth
         step = self._next(depth)
         while step.excess > 0.0:
-            yield self._accept(step, jumping=True)
+            yield self._accept(step, phase=TipPhase.RUPTURE)
             step = self._next(depth)
         landing = _root(lambda length: self._solve(length, depth), self._length(step))
         state = self._accept(landing)

@@ -32,7 +32,7 @@ class TipPhase(StrEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """Needle and tissue in equilibrium at one depth (or, while `jumping`, inside a snap).
+    """Needle and tissue in equilibrium at one depth, or with its tip in an advance at fixed depth.
 
     Pieces are those of the path that the needle lies in, from the entry on.
 
@@ -56,8 +56,6 @@ class State:
         Lateral force of the shaft on every piece.
     segment_displacement : array, shape (npieces, dim), m
         Mean displacement of the pieces, in the needle's frame.
-    jumping : bool
-        The tip is running ahead at fixed depth: this state can't be held.
     time : float, s
         From the first touch on.
     inserted_length : float, m
@@ -84,7 +82,6 @@ class State:
     friction_force: Floats
     lateral_force: Floats
     segment_displacement: Floats
-    jumping: bool = False
     time: float = 0.0
     inserted_length: float = 0.0
     partial_segment: ContactSegment | None = None
@@ -346,7 +343,6 @@ def state_from_trial(
         friction_force=pull,
         lateral_force=np.vstack([lateral, forces[dim + 1 :]]),
         segment_displacement=np.delete(moved, whole, axis=0),
-        jumping=moment.phase is TipPhase.RUPTURE,
         time=time,
         inserted_length=moment.arc,
         partial_segment=_end(track, solution),

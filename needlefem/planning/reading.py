@@ -13,6 +13,7 @@ import numpy as np
 from needlefem._arrays import Vector
 from needlefem.insertion.cut_path import TipPoint, TipTrajectory
 from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.state import TipPhase
 
 BROKEN = (Status.NOT_CONVERGED, Status.NO_NODE, Status.STICK_DETECTED)
 """How an insertion ends that could not be computed further."""
@@ -152,7 +153,7 @@ def at_jump(insertion: Insertion, depth: float) -> bool:
 def _jumps(insertion: Insertion) -> list[float]:
     """Return the depths at which the tip jumps, m; the last jump may not have ended."""
     found = [snap.depth for snap in insertion.ruptures]
-    if insertion.states[-1].jumping:
+    if insertion.states[-1].tip_phase is TipPhase.RUPTURE:
         found.append(float(insertion.depths[-1]))
     return found
 

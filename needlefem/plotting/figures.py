@@ -12,6 +12,7 @@ from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.insertion.state import TipPhase
 from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import InsertionReader, broke_off
@@ -120,7 +121,7 @@ def draw_sticking(insertion: Insertion, path: Path) -> Path:
 
 def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
     """Return times, positions along the path (m), and directions of slip; 9 is no contact."""
-    states = [state for state in insertion.states if not state.jumping]
+    states = [state for state in insertion.states if state.tip_phase is not TipPhase.RUPTURE]
     stiffness = insertion.instrument.lateral_penalty
     lengths = [1.0 / (p.compliance * stiffness) for p in insertion.pieces[1:]]
     last = max((s.inserted_length for s in states), default=0.0)

@@ -147,7 +147,9 @@ def test_snap_lands_where_resistance_is_back(popping: Scene, insert: Push) -> No
     snap = insertion.ruptures[0]
     states = insertion.states
     inside = states[snap.first + 1 : snap.last]
-    assert all(state.jumping and state.tip_force > state.cutting_force for state in inside)
+    assert all(
+        state.tip_phase == "rupture" and state.tip_force > state.cutting_force for state in inside
+    )
     assert all(state.depth == snap.depth for state in inside)
     landing = states[snap.last]
     assert landing.tip_force == pytest.approx(landing.cutting_force, rel=1e-6)

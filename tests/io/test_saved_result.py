@@ -31,7 +31,7 @@ def test_what_run_wrote_is_read_again(written: Path) -> None:
     assert table["depth [m]"] == pytest.approx(found.points("depth"), rel=1e-8)
     tips = np.stack([table["y [m]"], table["z [m]"]], axis=1)
     assert tips == pytest.approx(found.points("tip_path"), abs=1e-9)
-    assert list(table["tip"]) == found["tip"]
+    assert list(table["tip"]) == found["tip_phase"]
     assert nf.load_result(written / "run.json").record == found.record
 
 
