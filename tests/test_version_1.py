@@ -1,16 +1,20 @@
 """Words of schema version 1 are read, reported once, and rewritten; results keep the old keys."""
 
 import json
+import shutil
 import tomllib
 import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from needlefem.casefile import load_case
 from needlefem.casefile.upgrade import upgrade_case
 from needlefem.cli.main import main
 from needlefem.errors import CaseError
+from needlefem.io import load_result
 from needlefem.scene import Scene, vary
 from needlefem.scene.version_1 import (
     CASE_KEYS,
@@ -205,3 +209,48 @@ def test_values_that_are_no_tables_of_text_stay_as_they_are() -> None:
     assert [str(word) for word in found] == ["motion.stages.0.to is now depth"]
     word = OldWord("a", "b", "c")  # a named tuple is a value
     assert renewed_case(word, found) is word
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    """Return a folder with a case of version 1 and its results, written by version 0.1.0."""
+    folder = tmp_path / "version_1"
+    shutil.copytree(Path(__file__).parent / "io" / "version_1", folder)
+    for command in ("run", "plan"):
+        file = folder / command / f"{command}.json"
+        record = json.loads(file.read_text(encoding="utf-8"))
+        record["source"] = str(folder / "case.toml")
+        file.write_text(json.dumps(record), encoding="utf-8")
+    return folder
+
+
+def test_a_saved_case_of_version_1_has_the_saved_results(saved: Path) -> None:
+    for command, keys in {
+        "run": ("depth", "tip_path", "tip_force", "shaft_force", "lateral_force", "time"),
+        "plan": ("release_point", "placed_at", "placement_error"),
+    }.items():
+        out = saved / "again"
+        case = str(saved / "case.toml")
+        assert main([command, case, "--out", str(out), "--no-pictures", "--json"]) == 0
+        old, new = (
+            json.loads((folder / f"{command}.json").read_text(encoding="utf-8"))
+            for folder in (saved / command, out)
+        )
+        for key in keys:
+            assert np.array(new[key]) == pytest.approx(np.array(old[key]), rel=1e-8, abs=1e-12)
+        shutil.rmtree(out)
+
+
+def test_a_saved_result_of_version_1_is_read_and_drawn(saved: Path) -> None:
+    found = load_result(saved / "run")
+    assert set(found["tip_phase"]) <= {"loading", "cutting"}
+    assert load_result(saved / "plan")["ruptures"] == 0
+    again = saved / "again"
+    assert main(["run", str(saved / "case.toml"), "--out", str(again), "--no-pictures"]) == 0
+    pictures = [saved / "old.png", saved / "new.png"]
+    for result, picture in zip((saved / "run", again), pictures, strict=True):
+        assert main(["render", str(result), "--out", str(picture)]) == 0
+    first, second = (np.asarray(Image.open(picture)) for picture in pictures)
+    assert np.array_equal(first, second)
+    assert np.ptp(first) > 0
+    assert main(["render", str(saved / "plan"), "--out", str(saved / "plan.png")]) == 0
