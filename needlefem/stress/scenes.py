@@ -259,8 +259,8 @@ def _distance_outside(model: TissueModel, points: Points) -> Floats:
 
 COUNT = 2000
 """Default number of scenes."""
-LIMITS = WorkerLimits(seconds=60.0, clock=300.0, memory=4e9)
-"""Time limit of a scene."""
+LIMITS = WorkerLimits(seconds=120.0, clock=600.0, memory=4e9)
+"""Limits of a scene and its symmetric image together: a minute of processor time each."""
 COMPLETE = 0.95
 """Smallest share of scenes with a complete motion or plan."""
 TELL = 30.0
