@@ -40,13 +40,13 @@ def simulate(case: Scene | str | Path) -> Insertion:
 
     Returns
     -------
-    Result with the path so far. Its status states why a motion ended early.
-        With the path so far, and a status that says why, where the needle could not go on.
+    Insertion
+        The result so far. Its status states why a motion ended early.
 
     Raises
     ------
-    The scene is not valid, or its entry is missing or not on the skin.
-        The scene can't be built, or its entry is missing or misses the skin.
+    CaseError
+        The scene is not valid, or its entry is missing or not on the skin.
     CheckFailedError
         The discretisation, or the needle in it, fails a check; no insertion is simulated.
     """

@@ -82,8 +82,9 @@ def fit_to_contours(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> SkfemMe
 
     Raises
     ------
-    Contours intersect, an edge still intersects the contour, or a cell would be inverted: the
-    mesh is too coarse for the contour.
+    CaseError
+        Contours intersect, an edge still intersects a contour, or a cell would be inverted: the
+        mesh is too coarse for the contour.
     """
     known = list(contours.items())
     for number, (name, contour) in enumerate(known):
