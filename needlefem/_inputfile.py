@@ -68,7 +68,7 @@ def require_file(
     except OSError as error:
         raise _unreadable(path, key, error, remedy) from None
     except ValueError:  # a NUL in the name
-        raise CaseError(key, f"{str(path)!r} is no path", remedy) from None
+        raise CaseError(key, f"{str(path)!r} is not a path", remedy) from None
     for is_kind, kind in KINDS:
         if is_kind(found.st_mode):
             raise CaseError(key, f"'{path}' is {kind}, not a file", remedy)
@@ -91,7 +91,7 @@ def _limit(largest: float) -> float:
     except ValueError:
         limit = 0.0
     if not limit > 0.0:
-        raise CaseError(LIMIT_VARIABLE, f"'{said}' is no size", "write a number of megabytes")
+        raise CaseError(LIMIT_VARIABLE, f"'{said}' is not a size", "write a number of megabytes")
     return limit
 
 
@@ -152,6 +152,6 @@ def decode(content: bytes, path: str | Path, key: str) -> str:
     nul = text.find("\0")
     if nul >= 0:
         line = text.count("\n", 0, nul) + 1
-        problem = f"'{path}' is no text in UTF-8 (a NUL byte in line {line})"
+        problem = f"'{path}' is not text in UTF-8 (a NUL byte in line {line})"
         raise CaseError(key, problem, remedy)
     return text.replace("\r\n", "\n").replace("\r", "\n")

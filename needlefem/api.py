@@ -27,7 +27,9 @@ def scene_of(case: Scene | str | Path) -> Scene:
         return case
     if isinstance(case, str | Path):
         return load_case(case)
-    raise CaseError("case", f"{short(case)} is no scene", "give a Scene or the path of a case.toml")
+    raise CaseError(
+        "case", f"{short(case)} is not a scene", "give a Scene or the path of a case.toml"
+    )
 
 
 def simulate(case: Scene | str | Path) -> Insertion:

@@ -63,7 +63,7 @@ def test_large_files_are_refused_with_the_figure_and_the_limit_can_be_raised(
     with pytest.raises(CaseError, match="a NUL byte in line 1"):
         read_text(large, "key")
     monkeypatch.setenv(LIMIT_VARIABLE, "much")
-    with pytest.raises(CaseError, match="'much' is no size"):
+    with pytest.raises(CaseError, match="'much' is not a size"):
         read_text(large, "key")
 
 

@@ -40,9 +40,9 @@ def test_code_is_found_once_allowed() -> None:
 @pytest.mark.usefixtures("mine")
 def test_what_is_named_must_be_what_it_is_used_as() -> None:
     _plugin.allow()
-    with pytest.raises(CaseError, match="is no dataclass"):
+    with pytest.raises(CaseError, match="is not a dataclass"):
         law_class("mine_of_test:VALUE", "materials.x.law")
-    with pytest.raises(CaseError, match="is no ElementType"):
+    with pytest.raises(CaseError, match="is not an ElementType"):
         element_row("mine_of_test:VALUE")
     for name in ("VALUE", "WithoutStepper", "stepper_of"):
         with pytest.raises(CaseError, match="has no method stepper"):

@@ -142,7 +142,7 @@ def figures(row: dict[str, float]) -> np.ndarray | None:
     scene = scene_of(row)
     planner = Planner(Simulation(scene), np.array(scene.target))
     unplanned, depth_only = planner.unplanned(), planner.depth_only()
-    if unplanned is None or depth_only is None or planner.snapped():
+    if unplanned is None or depth_only is None or planner.has_ruptures():
         return None
     return 100.0 * np.array(
         [*unplanned.placed_at, depth_only.release_point[1], depth_only.placement_error]

@@ -333,7 +333,7 @@ def _noise(scene: Scene, start: Floats) -> Table:
             rows.append([name, 1e6 * apart, 100.0 * float(second[0]), 100.0 * float(second[1])])
     return Table(
         title=f"noise: largest second difference over {HEIGHTS} heights beside the planned one",
-        columns=("method", "heights apart (um)", "miss (cm)", "depth (cm)"),
+        columns=("method", "increment (um)", "lateral error (cm)", "depth (cm)"),
         rows=rows,
     )
 

@@ -127,7 +127,7 @@ class NodeSimulation(Simulation):
             instrument=needle,
             outcome=_outcome(pushed.outcome, states),
             states=tuple(states),
-            pieces=(),
+            segments=(),
             ruptures=(),
             contact_solves=pushed.contact.evaluations,
         )

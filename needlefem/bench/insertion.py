@@ -26,14 +26,14 @@ MOST = 400.0
 PAPER = 2_000
 """Largest number of unknowns for which this is required; the cost of larger models differs."""
 PARTS = {
-    "functionals: points, cells, weights": ("needle/needle_interface.py", "tip_and_piece"),
+    "functionals: points, cells, weights": ("needle/needle_interface.py", "tip_and_segment"),
     "responses and elimination of lateral forces": (
         "contact/condensed_contact.py",
         "trial",
     ),
     "equations of the step": ("insertion/tip_solver.py", "_try"),
     "iteration": ("insertion/tip_solver.py", "solve"),
-    "pieces adopted, states": ("insertion/path_following.py", "_accept"),
+    "new segments, states": ("insertion/path_following.py", "_accept"),
     "all": ("insertion/simulation.py", "insert"),
 }
 """Functions by activity, with their files in the package; their time includes all calls."""
@@ -43,7 +43,7 @@ WITHIN = {
         "responses and elimination of lateral forces",
     ),
     "iteration": ("equations of the step",),
-    "all": ("iteration", "pieces adopted, states"),
+    "all": ("iteration", "new segments, states"),
 }
 """Activities that other activities contain, to be subtracted from them."""
 
@@ -69,7 +69,7 @@ def run(case: str) -> Table:
     shares = _shares(lambda: alone(ready, entry))
     rows: list[list[Any]] = [
         ["back-substitution", 1e3 * unit, *_spread(seconds["back-substitution"]), 1, ""],
-        ["the same, again and again", 1e3 * warm, "", "", "", ""],
+        ["back-substitution, cached factor", 1e3 * warm, "", "", "", ""],
         ["insertion", 1e3 * whole, *_spread(seconds["insertion"]), round(whole / unit), ""],
         ["one beside the last", 1e3 * next_to, *_spread(seconds["one beside the last"]),
          round(next_to / unit), ""],
@@ -81,15 +81,15 @@ def run(case: str) -> Table:
     return Table(
         title=f"{scene.title}: {ready.model.ndofs} dofs, an insertion with responses known, "
         f"medians of {ROUNDS} rounds",
-        columns=("what", "ms", "least", "most", "back-substitutions", "share"),
+        columns=("activity", "ms", "minimum", "maximum", "back-substitutions", "share"),
         rows=rows,
         passed=not bound or whole <= MOST * unit,
         note=f"{steps} steps, {found.contact_solves} contact solves, "
-        f"{found.contact_solves / steps:.1f} a step; beside: {2e6 * BESIDE:g} um apart; "
+        f"{found.contact_solves / steps:.1f} a step; beside the last: {2e6 * BESIDE:g} um apart; "
         f"{ready.responses.size} rows known; "
         "shares from a profile, which increases the cost of calls"
-        + f"; {whole / warm:.0f} back-substitutions that find the factor in the cache"
-        + (f"; an insertion may take {MOST:g} back-substitutions" if bound else ""),
+        + f"; {whole / warm:.0f} back-substitutions with the factor in the cache"
+        + (f"; limit: {MOST:g} back-substitutions" if bound else ""),
         charts={
             scene.title: bars("an insertion and its parts", "milliseconds", list(map(_bar, rows)))
         },

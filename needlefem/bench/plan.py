@@ -45,10 +45,10 @@ def run(case: str) -> Table:
     middle = {name: median(values) for name, values in seconds.items()}
     unit, ours = middle["back-substitution"], middle["plan, model included"]
     bounded = (ready.scene.discretization.element, ready.model.dim) == ("P1", 2)
-    note = f"a plan may take {MOST:g} back-substitutions, model included" if bounded else ""
+    note = f"limit: {MOST:g} back-substitutions, model included" if bounded else ""
     return Table(
         title=f"{scene.title}: {model.ndofs} dofs, medians of {ROUNDS} rounds",
-        columns=("stage", "ms", "least", "most", "back-substitutions"),
+        columns=("stage", "ms", "minimum", "maximum", "back-substitutions"),
         rows=[
             [name, 1e3 * value, 1e3 * min(seconds[name]), 1e3 * max(seconds[name]),
              round(value / unit)]

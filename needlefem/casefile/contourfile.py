@@ -108,7 +108,7 @@ class ContourTable:
             return list(range(len(self.columns)))
         for name in names:
             if name not in axes:
-                problem = f"the header of '{self.file}' names '{_short(name)}', which is no axis"
+                problem = f"'{self.file}' names '{_short(name)}', which is not an axis"
                 raise CaseError(key, problem, nearest(name, axes))
         return [names.index(axis) for axis in axes]
 
@@ -250,7 +250,7 @@ class _LineReader:
             self._same_decimals(number, ",")
             cell = cell.replace(",", ".")
         elif not NUMBER.fullmatch(cell):
-            raise self._refuse(number, f"has '{_short(cell)}', which is no number", PLAIN)
+            raise self._refuse(number, f"has '{_short(cell)}', which is not a number", PLAIN)
         elif "." in cell:
             self._same_decimals(number, ".")
         value = float(cell)

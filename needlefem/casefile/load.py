@@ -94,7 +94,7 @@ def _any_quantity(raw: Any, key: str) -> tuple[float | tuple[float, ...], str]:
         if unit in units:
             return parse_quantity(raw, dimension, key), unit
     raise CaseError(
-        key, f"{short(raw)} is no number with a unit", "write a number, or one with a unit"
+        key, f"{short(raw)} is not a number with a unit", "write a number, or one with a unit"
     )
 
 
@@ -163,7 +163,7 @@ def spelled(data: dict[str, Any]) -> dict[str, Any]:
 def _split(override: str) -> tuple[str, str]:
     found = assignment(override)
     if found is None or not found[0]:
-        raise CaseError("--set", f"'{override}' is no assignment", "write key=value")
+        raise CaseError("--set", f"'{override}' is not an assignment", "write key=value")
     return found
 
 

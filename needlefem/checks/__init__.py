@@ -1,8 +1,8 @@
 """Checks that any element, law, integrator or scene must pass, and reference problems.
 
-The preflight of a scene refuses meshes and needles that can't be computed on. Elements, laws and
-integrators, also your own, are qualified here. A reference problem compares quantities with known
-values; the problems of `verification/` are made of the parts in this folder.
+The preflight of a scene raises an error for meshes and needles that do not permit a computation.
+Elements, laws and integrators, including those of a user, are checked here. A reference problem
+compares quantities with known values. The problems of `verification/` use the parts in this folder.
 """
 
 from typing import TYPE_CHECKING

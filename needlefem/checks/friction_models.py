@@ -45,23 +45,23 @@ class EmbeddedShaft:
     model : TissueModel
     ends : two arrays, shape (dim,), m
         Ends of the shaft.
-    pieces : int
+    segments : int
         Number of segments of equal length.
     limit : float, N/m (Pa in 2D)
         Kinetic friction per length.
     friction : SlipWeakeningFriction, optional
-        Slip weakening and compliance of sticking.
+        Slip weakening and tangential penalty.
     thickness : float, m
         Radius over which the forces are distributed across the axis.
 
     Attributes
     ----------
     travel : float, m
-    pull : array, shape (pieces,), N (N/m in 2D)
+    pull : array, shape (segments,), N (N/m in 2D)
         Friction forces on the segments.
-    moved : array, shape (pieces,), m
+    moved : array, shape (segments,), m
         Axial displacement of the tissue at the segments.
-    slipping : array, shape (pieces,)
+    slipping : array, shape (segments,)
         1, -1: direction of slip in the last step; 0: the segment stuck.
     dissipated : float, J (J/m in 2D)
         Friction work with the mean forces of the steps.
@@ -71,26 +71,26 @@ class EmbeddedShaft:
         self,
         model: TissueModel,
         ends: tuple[Vector, Vector],
-        pieces: int,
+        segments: int,
         limit: float,
         *,
         friction: SlipWeakeningFriction | None = None,
         thickness: float = 0.0,
     ) -> None:
         length = float(np.linalg.norm(ends[1] - ends[0]))
-        self._contact = _path(model, ends, pieces, thickness)
+        self._contact = _path(model, ends, segments, thickness)
         self.friction = friction or SlipWeakeningFriction()
-        self.lengths: Floats = np.full(pieces, length / pieces)
+        self.lengths: Floats = np.full(segments, length / segments)
         self.kinetic: Floats = limit * self.lengths
-        self.pull: Floats = np.zeros(pieces)
-        self.moved: Floats = np.zeros(pieces)
+        self.pull: Floats = np.zeros(segments)
+        self.moved: Floats = np.zeros(segments)
         self.travel = self.dissipated = 0.0
-        self.slipping: Floats = np.zeros(pieces)
-        self._slipped: Floats = np.zeros(pieces)
+        self.slipping: Floats = np.zeros(segments)
+        self._slipped: Floats = np.zeros(segments)
 
     def move(self, travel: float) -> float:
         """Move the needle to a position (m, from its first one); return its force, N (N/m)."""
-        rub = FrictionStep(
+        friction_step = FrictionStep(
             friction=self.friction,
             kinetic=self.kinetic,
             slipped=self._slipped,
@@ -99,9 +99,9 @@ class EmbeddedShaft:
             lengths=self.lengths,
         )
         sliding = self._contact.sliding()
-        forces, slip, _ = rub.solve(sliding.compliance, sliding.displacement, self.pull)
+        forces, slip, _ = friction_step.solve(sliding.compliance, sliding.displacement, self.pull)
         self.dissipated += 0.5 * float((self.pull + forces) @ slip)
-        self._slipped = rub.after(slip)
+        self._slipped = friction_step.after(slip)
         self.moved = sliding.displacement + sliding.compliance @ forces
         self.pull, self.slipping, self.travel = forces, np.sign(slip), travel
         return float(forces.sum())
@@ -113,7 +113,7 @@ class EmbeddedShaft:
 
 
 def _path(
-    model: TissueModel, ends: tuple[Vector, Vector], pieces: int, thickness: float
+    model: TissueModel, ends: tuple[Vector, Vector], segments: int, thickness: float
 ) -> CondensedContact:
     """Return a contact with a path of equal segments and a lateral penalty."""
     start, end = ends
@@ -126,10 +126,10 @@ def _path(
         shaft_friction=np.zeros(model.nnodes),
         section=cross_section(thickness, 24 if thickness else 1, model.dim),
         lateral_penalty=LATERAL_STIFFNESS,
-        spacing=float(np.linalg.norm(end - start)) / pieces,
+        spacing=float(np.linalg.norm(end - start)) / segments,
         inward=direction,
     )
-    return straight_contact(instrument, CachedCompliance(model), pieces)
+    return straight_contact(instrument, CachedCompliance(model), segments)
 
 
 # Systems of masses and springs, such as the friction oscillator.
@@ -233,7 +233,7 @@ class FrictionSystem:
         free = stepper.free_displacement(old.motion, force)
         before, way = self.rows @ old.motion.u, self.speed * duration
         late = 0.5 * (way - duration * (self.rows @ old.motion.v))
-        rub = FrictionStep(
+        friction_step = FrictionStep(
             friction=self.friction,
             kinetic=self.kinetic,
             slipped=old.slipped,
@@ -242,7 +242,7 @@ class FrictionSystem:
             lengths=np.ones(len(before)),
             lag=old.slid * np.maximum(old.slid * late, 0.0),
         )
-        pull, slip, _ = rub.solve(self.rows @ columns, self.rows @ free, old.pull)
+        pull, slip, _ = friction_step.solve(self.rows @ columns, self.rows @ free, old.pull)
         motion = stepper.advance(old.motion, free + columns @ pull)
         apart = way - (self.rows @ motion.u - before)
         mean = 0.5 * (self.load(old.time) + self.load(old.time + duration))
@@ -254,7 +254,7 @@ class FrictionSystem:
             motion=motion,
             pull=pull,
             slid=np.sign(slip),
-            slipped=rub.after(slip),
+            slipped=friction_step.after(slip),
             work=old.work + work,
             dissipated=old.dissipated + float(pull @ apart),
             damped=old.damped + float(drag @ moved),

@@ -233,13 +233,13 @@ def energy_taken(integrator: Integrator) -> float:
     """Return the algorithmic dissipation of a damped oscillator, relative to the absolute work."""
     step = 0.01
     stepper = integrator.stepper(Oscillator(DAMPED_RATIO), step)
-    ledger = TissueEnergyBalance(stepper)
+    balance = TissueEnergyBalance(stepper)
     motion = stepper.start(np.array([0.3]), np.array([-0.2]), _push(0.0))
     for number in range(2000):
         before, after = _push(step * number), _push(step * (number + 1))
         old, motion = motion, stepper.step_under_load(motion, before, after)
-        ledger.add(old, motion, before, after)
-    return abs(ledger.algorithmic) / ledger.turnover + ledger.residual
+        balance.add(old, motion, before, after)
+    return abs(balance.algorithmic) / balance.total_absolute_work + balance.residual
 
 
 def measured(integrator: Integrator) -> dict[str, float]:

@@ -51,7 +51,7 @@ class WorkPrecision:
 
 
 WAVES = ("waves", ("generalised-alpha 0.8", "central diff., lumped"))
-"""Problems with waves, and what the package would choose there: implicit, and explicit."""
+"""Group of problems with waves, and its default integrators: an implicit and an explicit one."""
 
 
 def implicit_and_explicit(entrants: Iterable[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -77,7 +77,7 @@ def elements_race(
     levels: Sequence[int],
     target: float = 1e-3,
 ) -> WorkPrecision:
-    """Return a race of all elements at a Poisson's ratio (0 in plane stress)."""
+    """Return a comparison of all elements at a Poisson's ratio (0 in plane stress)."""
     defaults = cheapest(ratio)
     return WorkPrecision(
         title=title,
@@ -98,7 +98,7 @@ def elements_race(
 
 @dataclasses.dataclass(frozen=True)
 class Point:
-    """What an entrant reached on a level."""
+    """Error and time of an entrant on a level."""
 
     entrant: str
     level: int
@@ -108,7 +108,7 @@ class Point:
 
 
 def front(points: Sequence[Point]) -> set[Point]:
-    """Return the points that no other beats in both seconds and error."""
+    """Return the points for which no other has both less time and a smaller error."""
     best: set[Point] = set()
     least = float("inf")
     for point in sorted(points, key=lambda p: (p.seconds, p.error)):
@@ -121,8 +121,8 @@ def front(points: Sequence[Point]) -> set[Point]:
 def seconds_to(target: float, points: Sequence[Point]) -> float:
     """Return the seconds in which an entrant reaches an error; infinite if it does not.
 
-    Between two levels both change by powers of each other; a coarsest level that is better than
-    asked for costs what it costs.
+    Between two levels a power law is interpolated. If the coarsest level is already more accurate,
+    its time is returned.
     """
     ordered = sorted(points, key=lambda p: p.level)
     if ordered and ordered[0].error <= target:

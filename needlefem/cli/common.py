@@ -59,7 +59,7 @@ def undrawn(draw: Callable[[], object]) -> NoRendererError | None:
 def named(path: str, option: str = "--out") -> str:
     """Return the path that an option gives, or refuse an empty one."""
     if not path.strip():
-        raise CaseError(option, f"'{path}' is no name", "give a path")
+        raise CaseError(option, f"'{path}' is not a valid name", "give a path")
     return path
 
 
@@ -107,7 +107,7 @@ def release_lines(plan: "Plan") -> list[str]:
             f"{'' if release is plan.best and not note else error}{note}"
         )
     if plan.best is not None:
-        found.insert(0, f"  entry at    {centimetres(best.entry)}; depths count from there")
+        found.insert(0, f"  entry at    {centimetres(best.entry)}; depths are measured from there")
     return found
 
 
@@ -115,6 +115,6 @@ def search_line(plan: "Plan") -> str:
     """Return what the search took, and what it left of the target on the plan's own model."""
     left = ""
     if plan.best is not None:
-        left = f", {100 * plan.best.placement_error:.2g} cm left on this model"
+        left = f", {100 * plan.best.placement_error:.2g} cm residual on this model"
     target = centimetres(plan.target)
     return f"  {plan.insertions} insertions ({plan.search}), target {target}{left}"

@@ -137,7 +137,7 @@ def _free(folder: Path, name: str) -> None:
         raise CaseError("--out", problem, "give another folder, or remove it")
     page, data = folder / f"{name}.html", folder / f"{name}.json"
     if page.exists() and not data.exists():
-        raise CaseError("--out", f"'{page}' is no result of this command", "give another folder")
+        raise CaseError("--out", f"'{page}' is not a result of this command", "give another folder")
     probe(data)
     probe(page)
 
@@ -153,7 +153,7 @@ def run_study(options: argparse.Namespace) -> int:
         return 0
     run = study(options.study)
     if options.study not in PAIRED:
-        unused = f"study '{options.study}' looks at one case"
+        unused = f"study '{options.study}' uses a single case"
         refuse_unused_options(options, [("against", unused)])
     scene = load_case(options.case, options.overrides)
     other = load_case(options.against) if options.against else None

@@ -22,18 +22,18 @@ from needlefem.cli import streams
 from needlefem.errors import NeedlefemError, OutputError
 
 COMMANDS = {
-    "new": "begin a case from contours, a label map or a mesh",
-    "run": "push the needle of a case in and report what happens",
-    "plan": "find the release point that ends on the case's target",
+    "new": "create a case from contours, a label map or a mesh",
+    "run": "simulate the motion of the needle in a case",
+    "plan": "find the release point whose final position is the case's target",
     "render": "draw a case or a result: stills, panels, animations",
-    "figures": "draw the figures of Alterovitz et al. 2003 beside the paper's numbers",
-    "modes": "find how the tissue of a case vibrates",
+    "figures": "draw the figures of Alterovitz et al. 2003 next to the paper's numbers",
+    "modes": "compute the vibration modes of the tissue of a case",
     "verify": "run the reference problems",
-    "check": "qualify an element, a material law or an integrator",
-    "study": "measure what the answers of a case depend on",
-    "bench": "measure what they cost",
+    "check": "check an element, a material law or an integrator",
+    "study": "measure on what the results of a case depend",
+    "bench": "measure computing times",
     "upgrade": "rewrite a case file of schema version 1 with the words of version 2",
-    "info": "say what is installed, for bug reports",
+    "info": "print what is installed, for bug reports",
 }
 
 LONGEST_ERROR = 400
@@ -196,7 +196,7 @@ def _run(parser: argparse.ArgumentParser) -> None:
     _output(parser)
     parser.add_argument(
         "--snapshots", type=int, default=0, metavar="N",
-        help="with --out: N moments of the tissue as VTU files for ParaView, in insertion.pvd",
+        help="with --out: N states of the tissue as VTU files for ParaView, in insertion.pvd",
     )  # fmt: skip
 
 
@@ -206,10 +206,10 @@ def _plan(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--search", choices=("root", "golden", "grid"), help="how to search")
     parser.add_argument(
         "--method", choices=("own", "paper"), default="own",
-        help="'paper': nodes moved along by the needle, in time, golden section; beside ours",
+        help="'paper': conforming coupling, golden section; compared with the default",
     )  # fmt: skip
     parser.add_argument(
-        "--all-solutions", action="store_true", help="look for further heights that hit the target"
+        "--all-solutions", action="store_true", help="search further offsets that reach the target"
     )
 
 
@@ -231,7 +231,7 @@ def _render(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--time", metavar="TIME", help='a still at a time, as in "3 s"')
     parser.add_argument("--depth", metavar="DEPTH", help='a still at a depth, as in "3 cm"')
-    parser.add_argument("--panels", type=int, metavar="N", help="N moments beside one another")
+    parser.add_argument("--panels", type=int, metavar="N", help="N states next to each other")
     parser.add_argument("--frames", type=int, help="of an animation; 60 when left out")
     parser.add_argument("--rate", type=float, help="frames a second; 12 when left out")
     parser.add_argument("--size", default="1280x720", help="pixels, width x height")

@@ -87,12 +87,13 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
     say(search_line(found))
     if found.other_solutions is not None:
         heights = ", ".join(f"{100 * h:+.4f} cm" for h in found.other_solutions) or "none"
-        say(f"  other heights that hit: {heights} ({found.scan_insertions} insertions to scan)")
+        scan = f"{found.scan_insertions} insertions to scan"
+        say(f"  other offsets that reach the target: {heights} ({scan})")
     if found.evidence is not None:
         checks = found.evidence.preflight
         say(f"  {len(checks)} checks passed before planning: {', '.join(c.name for c in checks)}")
         if found.evidence.energy is not None:
-            say(f"  energy ledger closes to {found.evidence.energy.residual:.1e} of the work")
+            say(f"  energy balance closes to {found.evidence.energy.residual:.1e} of the work")
         for name, why in found.evidence.missing.items():
             say(f"  {name} not known: {why}")
         _accuracy(found.evidence)
@@ -115,6 +116,6 @@ def _accuracy(evidence: Evidence) -> None:
     if evidence.estimate is not None:
         found = evidence.estimate
         say(
-            f"  what it does to the placement: at most about {1e3 * found.at_most:.2g} mm "
+            f"  stated placement error: at most about {1e3 * found.at_most:.2g} mm "
             f"(against {found.compared_to})"
         )

@@ -88,7 +88,7 @@ def _number(text: str, key: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise CaseError(f"--set {key}", f"'{text}' is no number", "write a number") from None
+        raise CaseError(f"--set {key}", f"'{text}' is not a number", "write a number") from None
 
 
 def _names(wanted: str, known: list[str]) -> list[str]:
@@ -98,7 +98,7 @@ def _names(wanted: str, known: list[str]) -> list[str]:
 def _assignment(text: str) -> tuple[str, str]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise CaseError("--set", f"'{text}' is no assignment", "write constant=value")
+        raise CaseError("--set", f"'{text}' is not an assignment", "write constant=value")
     return key.strip(), value.strip().strip("\"'")
 
 
@@ -118,9 +118,9 @@ def _checks(pair: tuple[str, str], checks: tuple[CheckResult, ...]) -> Table:
     failed = failures(checks)
     return Table(
         title=f"{pair[0]} with {pair[1]}",
-        columns=("check", "value", "may be", "verdict", "requirement"),
+        columns=("check", "value", "bound", "verdict", "requirement"),
         rows=[
-            [c.name, f"{c.value:.2e}", f"{c.bound:.1e}", "met" if c.passed else "FAILED",
+            [c.name, f"{c.value:.2e}", f"{c.bound:.1e}", "passed" if c.passed else "FAILED",
              c.requirement]
             for c in checks
         ],
@@ -136,7 +136,7 @@ def _overview(found: dict[tuple[str, str], tuple[CheckResult, ...]]) -> Table:
     ]
     return Table(
         title="qualification",
-        columns=("what", "on", "checks", "failed"),
+        columns=("element or integrator", "material or order", "checks", "failed"),
         rows=rows,
         passed=not any(failures(checks) for checks in found.values()),
     )

@@ -164,7 +164,7 @@ def _refuse_unused(options: argparse.Namespace, path: Path) -> None:
     if options.time and options.depth:
         raise CaseError("--depth", "would be ignored: --time is there as well", "keep one")
     if options.time or options.depth or path.suffix not in MOVING:
-        refuse_unused_options(options, [(n, "this is no animation") for n in moving])
+        refuse_unused_options(options, [(n, "this is not an animation") for n in moving])
     if options.rate is not None and not 0.0 < options.rate <= FASTEST:
         raise CaseError("--rate", f"{options.rate:g} is out of range", f"give up to {FASTEST:g}")
     if options.frames is not None:
@@ -196,7 +196,7 @@ def _size(text: str) -> tuple[int, int]:
     parts = text.split("x")
     numbers = [int(part) for part in parts if part.isdecimal() and len(part) < 9]
     if len(parts) != 2 or len(numbers) != 2 or numbers[0] < 200 or numbers[1] < 150:
-        problem = f"{short(text)} is no size"
+        problem = f"{short(text)} is not a size"
         raise CaseError("--size", problem, "write width x height, as in 1280x720")
     if max(numbers) > MOST_PIXELS:
         problem = f"{short(text)} is out of range"

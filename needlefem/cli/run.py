@@ -126,8 +126,7 @@ def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
     deepest = max(float(insertion.depths.max()), 0.0)
     passed = passings(insertion.scene.obstacles, insertion.axis, deepest)
     warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]
-    if insertion.ruptures:
-        warnings.append(f"the tip jumps ahead {len(insertion.ruptures)} times on its way")
+    warnings += insertion.rupture_warnings
     return {
         "seeds": _seeds(insertion),
         "energy": energy_record(energies),
@@ -158,7 +157,7 @@ def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
 def _summary(record: dict[str, Any], title: str) -> None:
     strains = StrainCheck(**record["validity"])
     say(f"{title}: {record['status']}, {record['sentence']}; {strains.headline}")
-    say(f"  entry at {centimetres(record['entry'])}; depths count from there along the needle")
+    say(f"  entry at {centimetres(record['entry'])}; depths are measured from there")
     if record["puncture_depth"] is not None:
         say(f"  skin cut at {100 * record['puncture_depth']:.3f} cm")
     for event in record["events"]:
@@ -182,7 +181,7 @@ def _summary(record: dict[str, Any], title: str) -> None:
         if abs(energy[t]) > 1e-9 * abs(energy["work"])
     )
     say(f"  work {energy['work']:.4g} J/m = {spent}")
-    say(f"  energy ledger closes to {energy['residual']:.1e} of the work")
+    say(f"  energy balance closes to {energy['residual']:.1e} of the work")
     say(f"  discretisation: {Discretised(**record['discretization'])}")
 
 
@@ -193,8 +192,8 @@ def _seed_line(seed: dict[str, Any]) -> str:
     )  # fmt: skip
     if seed["status"] == "not_placed":
         return (
-            f"  nothing is placed, for the insertion broke off at a depth of "
-            f"{100 * seed['release_depth']:.3f} cm; released there it would rest at "
+            f"  nothing is placed, because the insertion ended early at a depth of "
+            f"{100 * seed['release_depth']:.3f} cm; a seed released there would come to rest at "
             f"{centimetres(seed['placed_at'])}{error}"
         )
     return (

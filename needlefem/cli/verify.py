@@ -22,14 +22,14 @@ from needlefem.plotting.verification_report import record, write_report
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run reference problems and print both verdicts on every answer; 1 if one fails."""
+    """Run reference problems and print both verdicts on each quantity; 1 if one fails."""
     if options.stress:
-        from needlefem.cli import stress  # noqa: PLC0415  (another job, with other imports)
+        from needlefem.cli import stress  # noqa: PLC0415  (only needed for this option)
 
         return stress.main(options)
     _refuse_unused(options)
     if options.element or options.material or options.integrator:
-        from needlefem.cli import qualify  # noqa: PLC0415  (another job, with other imports)
+        from needlefem.cli import qualify  # noqa: PLC0415  (only needed for this option)
 
         return qualify.main(options)
     if options.report is not None:
@@ -55,14 +55,14 @@ def main(options: argparse.Namespace) -> int:
 
 
 def _refuse_unused(options: argparse.Namespace) -> None:
-    """Refuse what belongs to qualifying where problems are run, and the other way round."""
+    """Refuse options of checks if problems are run, and options of problems for checks."""
     if options.integrator:
-        why = "an integrator is qualified alone"
+        why = "an integrator is checked without an element and a law"
         refuse_unused_options(options, [("element", why), ("material", why)])
     if options.element or options.material or options.integrator:
         if options.names:
             raise CaseError(options.names[0], "would be ignored: no problem is run", "leave it out")
-        why = "no problem is run where something is qualified"
+        why = "no problem is run together with checks"
         refuse_unused_options(
             options, [(name, why) for name in ("quick", "update_baseline", "report")]
         )
@@ -71,7 +71,7 @@ def _refuse_unused(options: argparse.Namespace) -> None:
         problem = "would be ignored: problems have no constants to set"
         raise CaseError(f"--set {options.settings[0]}", problem, "give --material or --integrator")
     if options.plane != "strain":
-        problem = "would be ignored: problems say themselves what they are in"
+        problem = "would be ignored: each problem defines its own plane state"
         raise CaseError("--plane", problem, "give --element or --material, or leave it out")
 
 
@@ -91,7 +91,7 @@ def _table(reports: Sequence[Report], verdicts: Sequence[Verdict]) -> Table:
             f"{v.answer.reference:.8g}",
             f"{v.answer.distance:.1e}",
             f"{v.answer.tolerance:.0e}",
-            "met" if v.answer.passed else "MISSED",
+            "passed" if v.answer.passed else "FAILED",
             words[v.record],
         ]
         for v in verdicts
@@ -100,8 +100,17 @@ def _table(reports: Sequence[Report], verdicts: Sequence[Verdict]) -> Table:
     seconds = sum(report.seconds for report in reports)
     return Table(
         title="reference problems",
-        columns=("problem", "answer", "value", "reference", "off", "may be", "reference", "record"),
+        columns=(
+            "problem",
+            "quantity",
+            "value",
+            "reference",
+            "error",
+            "tolerance",
+            "verdict",
+            "record",
+        ),
         rows=rows,
         passed=not failed,
-        note=f"{len(verdicts)} answers, {failed} failed, {seconds:.1f} s",
+        note=f"{len(verdicts)} quantities, {failed} failed, {seconds:.1f} s",
     )

@@ -82,27 +82,28 @@ class AxialCompliance(NamedTuple):
 
     Parameters
     ----------
-    compliance : array, shape (covered, covered), m/N
+    compliance : array, shape (active, active), m/N
         Axial displacement for unit axial forces.
-    displacement : array, shape (covered,), m
+    displacement : array, shape (active,), m
         Axial displacement without axial forces.
-    half : array, shape (covered laterals, covered)
+    half : array, shape (active laterals, active)
         ``L^-1`` times the compliance between lateral and axial components.
-    held : array, shape (covered laterals,)
+    lateral_gap : array, shape (active laterals,)
         ``L^-1`` times the lateral gap that the penalty closes in the absence of axial forces.
     """
 
     compliance: Floats
     displacement: Floats
     half: Floats
-    held: Floats
+    lateral_gap: Floats
 
 
 class CondensedContact:
     """The contact segments of the cut path and their compliance.
 
-    The number of segments grows as the needle advances. During a retraction the first `covered`
-    segments are active. Their data are the leading parts of all arrays that are stored here.
+    The number of segments grows as the needle advances. During a retraction only the first
+    `active_segments` are active. Their data are the leading parts of all arrays that are stored
+    here.
 
     Parameters
     ----------
@@ -110,27 +111,27 @@ class CondensedContact:
         Compliance of the operator of the time step.
     frame : array, shape (dim, dim)
         Rows: needle direction, lateral directions.
-    background : array, shape (nnodes, dim), m, optional
-        Displacement of the tissue in this step in the absence of the needle (with inertia).
+    free_displacement : array, shape (nnodes, dim), m, optional
+        Displacement of the tissue in this step without needle forces.
 
     Attributes
     ----------
-    swing : array, shape (3, npieces), or None
+    inertial_drift : array, shape (3, nsegments), or None
         For tissue with inertia, three axial values of each segment: half of the displacement in
         this step at the velocity at its start (m), half of the displacement at the mean velocity
         of the previous step (m), and the compliance that results from inertia alone (m/N).
     """
 
     def __init__(
-        self, responses: ComplianceOperator, frame: Floats, background: Floats | None = None
+        self, responses: ComplianceOperator, frame: Floats, free_displacement: Floats | None = None
     ) -> None:
         self.responses, self.frame = responses, frame
         self.dim = len(frame)
-        self.pieces: list[ContactSegment] = []
+        self.segments: list[ContactSegment] = []
         self.active_segments = 0
         self.friction_forces: Floats = np.zeros(0)
-        self.background = background
-        self.swing: Floats | None = None
+        self.free_displacement = free_displacement
+        self.inertial_drift: Floats | None = None
         self._loads: list[tuple[Ints, Floats]] = []
         self._offsets: Floats = np.zeros(0)
         self._columns = np.zeros((0, 0))
@@ -139,8 +140,8 @@ class CondensedContact:
         self._cholesky = np.zeros((0, 0))
         self._reduced: Floats = np.zeros(0)
         self._factor: Floats = np.zeros((0, 0))
-        self._asked: Ints | None = None
-        self._near: Floats = np.zeros((0, 0))
+        self._cached_rows: Ints | None = None
+        self._cached_columns: Floats = np.zeros((0, 0))
 
     @property
     def _laterals(self) -> Ints | slice:
@@ -151,9 +152,9 @@ class CondensedContact:
 
     def _columns_at(self, rows: Ints) -> Floats:
         """Return the columns of the active segments; cached, because the same rows often recur."""
-        if self._asked is not rows or self._near.shape[1] != self._size:
-            self._asked, self._near = rows, self._columns[rows, : self._size]
-        return self._near
+        if self._cached_rows is not rows or self._cached_columns.shape[1] != self._size:
+            self._cached_rows, self._cached_columns = rows, self._columns[rows, : self._size]
+        return self._cached_columns
 
     def trial(self, weights: LinearFunctionals) -> ContactTrial:
         """Return the tissue's response at functionals for the present path."""
@@ -167,8 +168,8 @@ class CondensedContact:
         bare = loads @ response.at(rows)
         coupling = loads @ self._columns_at(rows)
         displacement = coupling[:, :: self.dim] @ self.friction_forces[: self.active_segments]
-        if self.background is not None:
-            displacement += (weights.of(self.background) @ self.frame.T).ravel()
+        if self.free_displacement is not None:
+            displacement += (weights.of(self.free_displacement) @ self.frame.T).ravel()
         half = self._forward(coupling[:, self._laterals].T)
         compliance = bare - half.T @ half
         displacement = displacement + half.T @ self._reduced
@@ -238,7 +239,7 @@ class CondensedContact:
         compliance : float, m/N
             Compliance of its lateral penalty.
         """
-        dim, number = self.dim, len(self.pieces)
+        dim, number = self.dim, len(self.segments)
         mine = slice(which * dim, (which + 1) * dim)
         lateral = slice(which * dim + 1, (which + 1) * dim)
         size, laterals = (number + 1) * dim, (number + 1) * (dim - 1)
@@ -251,14 +252,16 @@ class CondensedContact:
         self._w[: size - dim, size - dim : size] = trial.coupling[mine].T
         self._w[size - dim : size, size - dim : size] = trial.bare[mine, mine]
         self._cholesky = enlarged(self._cholesky, laterals, laterals)
-        hold = trial.compliance[lateral, lateral].copy()
-        hold.flat[::dim] += compliance  # the diagonal
+        block = trial.compliance[lateral, lateral].copy()
+        block.flat[::dim] += compliance  # the diagonal
         rows = slice(laterals - dim + 1, laterals)
         self._cholesky[rows, : rows.start] = trial.half[:, lateral].T
-        self._cholesky[rows, rows] = np.sqrt(hold) if dim == 2 else np.linalg.cholesky(hold)
+        self._cholesky[rows, rows] = np.sqrt(block) if dim == 2 else np.linalg.cholesky(block)
         row = trial.weights.rows[which]
         used = np.flatnonzero(row)
-        self.pieces.append(ContactSegment(trial.weights.nodes[used], row[used], offset, compliance))
+        self.segments.append(
+            ContactSegment(trial.weights.nodes[used], row[used], offset, compliance)
+        )
         self._offsets = np.concatenate([self._offsets, offset])
         self.friction_forces = np.concatenate([self.friction_forces, [axial]])
         self.active_segments = number + 1
@@ -271,7 +274,7 @@ class CondensedContact:
 
     def set_friction(self, axial: Floats) -> None:
         """Set the friction forces (N, N/m in 2D) of the first segments; these become active."""
-        self.friction_forces = np.zeros(len(self.pieces))
+        self.friction_forces = np.zeros(len(self.segments))
         self.friction_forces[: len(axial)] = axial
         self.set_active(len(axial))
 
@@ -285,7 +288,7 @@ class CondensedContact:
     # kappa w stiffness of the lateral penalty of a segment of length w, N/m (Pa in 2D)
     # Source: penalty constraint and static condensation; docs/theory.md, equation (8).
     def eliminate_lateral(self) -> None:
-        """Prepare the elimination of lateral forces for the present friction and background."""
+        """Eliminate the lateral forces for the present friction forces and free displacement."""
         self._reduced = np.zeros(0)
         if self.active_segments:
             size, laterals = self.active_segments * (self.dim - 1), self._laterals
@@ -300,38 +303,38 @@ class CondensedContact:
     def _gap(self) -> Floats:
         """Lateral offset of the active segments from the axis without any force on them, m."""
         gap = self._offsets[: self.active_segments * (self.dim - 1)]
-        if self.background is None:
+        if self.free_displacement is None:
             return gap
-        found: Floats = gap + self._background()[self._laterals]
+        found: Floats = gap + self._free_means()[self._laterals]
         return found
 
     def sliding(self) -> AxialCompliance:
         """Return the axial compliance of the active segments, before friction is considered."""
         axials = np.arange(0, self._size, self.dim)
-        half, held = np.zeros((0, len(axials))), np.zeros(0)
+        half, lateral_gap = np.zeros((0, len(axials))), np.zeros(0)
         if self.active_segments:
             half = self._forward(self._w[self._laterals][:, axials])
-            held = self._forward(-self._gap())
+            lateral_gap = self._forward(-self._gap())
         compliance = self._w[np.ix_(axials, axials)] - half.T @ half
-        displacement = self._background()[axials] + half.T @ held
-        return AxialCompliance(compliance, displacement, half, held)
+        displacement = self._free_means()[axials] + half.T @ lateral_gap
+        return AxialCompliance(compliance, displacement, half, lateral_gap)
 
     @property
     def _size(self) -> int:
         return self.active_segments * self.dim
 
-    def _background(self) -> Floats:
-        """Displacement of the active segments without the needle, shape (path rows,), m."""
-        if self.background is None:
+    def _free_means(self) -> Floats:
+        """Displacement of the active segments without needle forces, shape (path rows,), m."""
+        if self.free_displacement is None:
             return np.zeros(self._size)
-        field = self.background
-        covered = self.pieces[: self.active_segments]
-        means = np.array([piece.weights @ field[piece.nodes] for piece in covered])
+        field = self.free_displacement
+        active = self.segments[: self.active_segments]
+        means = np.array([segment.weights @ field[segment.nodes] for segment in active])
         rows: Floats = (means @ self.frame.T).ravel()
         return rows
 
     def lateral_forces(self, trial: ContactTrial, forces: Floats) -> Floats:
-        """Return lateral forces on the active segments, shape (npieces, dim - 1), N (N/m in 2D).
+        """Return lateral forces on the active segments, shape (active, dim - 1), N (N/m in 2D).
 
         Parameters
         ----------
@@ -351,7 +354,7 @@ class CondensedContact:
 
         Parameters
         ----------
-        laterals : array, shape (npieces, dim - 1)
+        laterals : array, shape (active, dim - 1)
             Lateral forces on the segments, as returned by `lateral_forces`.
         trial : ContactTrial
             Trial that was computed for the present path.
@@ -360,16 +363,16 @@ class CondensedContact:
 
         Returns
         -------
-        array, shape (npieces + functionals, dim), m
+        array, shape (active + functionals, dim), m
             In the needle's frame: axial, then lateral components.
         """
         path = np.hstack([self.friction_forces[: self.active_segments, None], laterals]).ravel()
         w = self._w[: self._size, : self._size]
-        pieces = w @ path + trial.coupling.T @ forces + self._background()
+        segments = w @ path + trial.coupling.T @ forces + self._free_means()
         tried = trial.coupling @ path + trial.bare @ forces
-        if self.background is not None:
-            tried += (trial.weights.of(self.background) @ self.frame.T).ravel()
-        return np.concatenate([pieces, tried]).reshape(-1, self.dim)
+        if self.free_displacement is not None:
+            tried += (trial.weights.of(self.free_displacement) @ self.frame.T).ravel()
+        return np.concatenate([segments, tried]).reshape(-1, self.dim)
 
 
 # Axial equations of one step. The unknowns are the friction forces on the active segments, the
@@ -438,9 +441,9 @@ class ShaftEquations:
         """
         dim, count = contact.dim, contact.active_segments
         cross = trial.coupling[:, ::dim] - trial.half.T @ sliding.half
-        bare = trial.half.T @ sliding.held
-        if contact.background is not None:
-            bare = bare + (trial.weights.of(contact.background) @ contact.frame.T).ravel()
+        bare = trial.half.T @ sliding.lateral_gap
+        if contact.free_displacement is not None:
+            bare = bare + (trial.weights.of(contact.free_displacement) @ contact.frame.T).ravel()
         axial, end = [dim, 0], slice(dim + 1, 2 * dim)
         columns = np.hstack([cross, trial.compliance[:, axial]])  # for the rows of the trial
         compliance = np.zeros((count + 2, count + 2))
@@ -451,13 +454,14 @@ class ShaftEquations:
         # lateral force on the tip's segment, and its effect on all other rows
         spring = np.eye(dim - 1) + stiffness * trial.compliance[end, end]
         rhs = np.column_stack([columns[end], offset + bare[end]])
-        hold: Floats = -stiffness * np.linalg.solve(spring, rhs).astype(float)
+        force_map: Floats = -stiffness * np.linalg.solve(spring, rhs).astype(float)
         back = columns[end].T
-        sideways = np.column_stack([columns[1:dim], bare[1:dim]])
-        sideways += trial.compliance[1:dim, end] @ hold
-        compliance += back @ hold[:, :-1]
-        return cls(trial, sliding, 0.5 * (compliance + compliance.T), free + back @ hold[:, -1],
-                   hold, sideways)  # fmt: skip
+        displacement_map = np.column_stack([columns[1:dim], bare[1:dim]])
+        displacement_map += trial.compliance[1:dim, end] @ force_map
+        compliance += back @ force_map[:, :-1]
+        free = free + back @ force_map[:, -1]
+        compliance = 0.5 * (compliance + compliance.T)
+        return cls(trial, sliding, compliance, free, force_map, displacement_map)
 
     def lateral(self, forces: Floats) -> Floats:
         """Return the lateral force on the tip's segment, shape (dim - 1,), N (N/m in 2D)."""
@@ -488,9 +492,9 @@ def straight_contact(
     """
     axis, spacing = instrument.axis, instrument.spacing
     contact = CondensedContact(responses, axis.frame)
-    hold = 1.0 / (instrument.lateral_penalty * spacing)
+    penalty = 1.0 / (instrument.lateral_penalty * spacing)
     for number in range(count):
         ends = axis.tip_position((number + 1) * spacing), axis.tip_position(number * spacing)
-        trial = contact.trial(instrument.tip_and_piece(*ends))
-        contact.append_segment(trial, 1, 0.0, np.zeros(len(axis.lateral_directions)), hold)
+        trial = contact.trial(instrument.tip_and_segment(*ends))
+        contact.append_segment(trial, 1, 0.0, np.zeros(len(axis.lateral_directions)), penalty)
     return contact

@@ -23,31 +23,37 @@ from needlefem.errors import SimulationError
 
 ROUND_OFF = 1e-14
 """Round-off of the gradient, relative to its largest term times the number of terms."""
-UNTOLD = (
-    "the friction forces of sticking contact segments can't be resolved: the segments are too "
+UNRESOLVED = (
+    "the friction forces of sticking contact segments cannot be resolved: the segments are too "
     "short for the mesh; lengthen discretization.path_spacing or set needle.tangential_penalty"
 )
+"""Error message for forces that are dominated by round-off."""
 NEWTON_STEPS = 12
+"""Iterations of Newton's method before the active-set method is used."""
 MOST_HALVINGS = 12
+"""Largest number of halvings in the line search."""
 
 
 class _Problem:
+    """The quadratic programme of `solve_bound_qp`."""
+
     def __init__(self, matrix: Floats, linear: Floats, low: Floats, high: Floats) -> None:
         self.matrix, self.linear, self.low, self.high = matrix, linear, low, high
-        self._loose = low < high
+        self._not_fixed = low < high
         self.noise = 0.0
 
     def inside(self, z: Floats) -> Bools:
+        """Return which unknowns are strictly between their bounds."""
         return (z > self.low) & (z < self.high)
 
-    def look(self, z: Floats) -> tuple[Floats, Bools]:
+    def gradient(self, z: Floats) -> tuple[Floats, Bools]:
         """Return the gradient, and whether it points from an active bound into the interval."""
         push = self.matrix @ z
         gradient = push - self.linear
         self.noise = ROUND_OFF * len(z) * float(np.abs(push).max() + np.abs(self.linear).max())
         off_low = (z <= self.low) & (gradient < -self.noise)
         off_high = (z >= self.high) & (gradient > self.noise)
-        return gradient, (off_low | off_high) & self._loose
+        return gradient, (off_low | off_high) & self._not_fixed
 
     def newton(self, gradient: Floats, free: Bools) -> Floats:
         """Return the step to the minimum over the free unknowns."""
@@ -56,7 +62,7 @@ class _Problem:
             part = self.matrix[where[:, None], where]
             _, found, trouble = dposv(part, -gradient[where], lower=1, overwrite_a=1)
             if trouble:
-                raise SimulationError(UNTOLD)
+                raise SimulationError(UNRESOLVED)
             step[where] = found
         return step
 
@@ -100,8 +106,8 @@ def solve_bound_qp(
     problem = _Problem(matrix, linear, low, high)
     z = np.clip(start, low, high)
     for _ in range(NEWTON_STEPS):
-        gradient, pulled = problem.look(z)
-        free = problem.inside(z) | pulled
+        gradient, released = problem.gradient(z)
+        free = problem.inside(z) | released
         if not free.any() or np.max(np.abs(gradient[free])) <= problem.noise:
             return z
         z = problem.descend(z, gradient, problem.newton(gradient, free))
@@ -112,7 +118,7 @@ def _one_by_one(problem: _Problem, z: Floats) -> Floats:
     """Return the minimiser by a method that changes one active constraint at a time."""
     free = problem.inside(z)
     for _ in range(20 * len(z) + 100):
-        gradient, pulled = problem.look(z)
+        gradient, released = problem.gradient(z)
         step = problem.newton(gradient, free)
         room = np.where(step > 0.0, problem.high - z, problem.low - z)
         shares = np.divide(room, step, out=np.full_like(z, np.inf), where=step != 0.0)
@@ -123,10 +129,10 @@ def _one_by_one(problem: _Problem, z: Floats) -> Floats:
             free[first] = False
             continue
         z = z + step
-        gradient, pulled = problem.look(z)
-        if not pulled.any():
+        gradient, released = problem.gradient(z)
+        if not released.any():
             return z
-        free[int(np.argmax(np.where(pulled, np.abs(gradient), 0.0)))] = True
+        free[int(np.argmax(np.where(released, np.abs(gradient), 0.0)))] = True
     raise SimulationError(
         "no set of sticking and slipping contact segments satisfies the friction limits: the "
         "segments are too short for the mesh"
@@ -134,6 +140,7 @@ def _one_by_one(problem: _Problem, z: Floats) -> Floats:
 
 
 MOST_WEAKENINGS = 500
+"""Largest number of iterations of the friction limits."""
 SETTLED = 1e-12
 """Relative change of the friction limits below which the iteration has converged."""
 SINGULAR = 1e12
@@ -200,12 +207,12 @@ def stick_condition(compliance: Floats, slack: Floats) -> float:
 
 
 def refuse_noise(compliance: Floats, slack: Floats) -> None:
-    """Raise a `SimulationError` if friction forces of sticking segments can't be resolved.
+    """Raise a `SimulationError` if the friction forces of sticking segments cannot be resolved.
 
     Parameters are those of `stick_condition`.
     """
     if len(compliance) and stick_condition(compliance, slack) >= SINGULAR:
-        raise SimulationError(UNTOLD)
+        raise SimulationError(UNRESOLVED)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -312,26 +319,26 @@ class FrictionStep:
         unchanged. If the step would not reduce the residual, the limits of all slipping segments
         are set to the values that follow from the present slip.
         """
-        way = np.where(slip < 0.0, 1, 0)
-        pieces = np.arange(len(slip))
-        falling = (slip != 0.0) & (weaker[way, pieces] > self.kinetic * (1.0 + SETTLED))
-        moving = np.flatnonzero(falling)
+        direction = np.where(slip < 0.0, 1, 0)
+        segments = np.arange(len(slip))
+        weakening = (slip != 0.0) & (weaker[direction, segments] > self.kinetic * (1.0 + SETTLED))
+        moving = np.flatnonzero(weakening)
         if not moving.size or self.friction.length <= 0.0:
             return weaker
         stuck = np.flatnonzero(inside)
-        give = matrix[np.ix_(moving, moving)]
+        compliance = matrix[np.ix_(moving, moving)]
         if stuck.size:
             cross = matrix[np.ix_(stuck, moving)]
-            give = give - cross.T @ np.linalg.solve(matrix[np.ix_(stuck, stuck)], cross)
+            compliance = compliance - cross.T @ np.linalg.solve(matrix[np.ix_(stuck, stuck)], cross)
         sign = np.sign(slip[moving])
         rate = self.kinetic[moving] * (self.friction.ratio - 1.0) / self.friction.length
-        jacobian = np.eye(len(moving)) - rate[:, None] * (sign[:, None] * give * sign)
-        missing = (limits - weaker)[way[moving], moving]
-        step = np.linalg.solve(jacobian, missing)
+        jacobian = np.eye(len(moving)) - rate[:, None] * (sign[:, None] * compliance * sign)
+        residual = (limits - weaker)[direction[moving], moving]
+        step = np.linalg.solve(jacobian, residual)
         found = weaker.copy()
-        if np.all(step * np.sign(missing) >= 0.0) and np.all(np.abs(step) >= np.abs(missing)):
-            reached = limits[way[moving], moving] - step
-            found[way[moving], moving] = np.maximum(reached, self.kinetic[moving])
+        if np.all(step * np.sign(residual) >= 0.0) and np.all(np.abs(step) >= np.abs(residual)):
+            reached = limits[direction[moving], moving] - step
+            found[direction[moving], moving] = np.maximum(reached, self.kinetic[moving])
         return found
 
     def _limits(self, slip: Floats) -> Floats:

@@ -19,9 +19,9 @@ class TissueEnergyBalance:
     In each step the force is taken as the mean of the forces at its ends. `kinetic`, `strain` and
     `stored` (in the springs of viscoelastic branches) are increases since the start; `damping` and
     `relaxation` are viscous losses; `algorithmic` is the dissipation of the integrator (see
-    `_algorithmic`), which is zero for the average acceleration. `turnover` is the sum of the
-    absolute work of all steps. No term is computed as a difference of the others, so that an error
-    in any of them appears in `residual`.
+    `_algorithmic`), which is zero for the average acceleration. `total_absolute_work` is the sum of
+    the absolute work of all steps. No term is computed as a difference of the others, so that an
+    error in any of them appears in `residual`.
 
     For a stepper that is not a member of the generalised-alpha family (one without `weights`) no
     `algorithmic` term is computed: its dissipation is contained in `residual`.
@@ -29,7 +29,7 @@ class TissueEnergyBalance:
 
     stepper: Stepper
     work: float = 0.0
-    turnover: float = 0.0
+    total_absolute_work: float = 0.0
     kinetic: float = 0.0
     strain: float = 0.0
     stored: float = 0.0
@@ -65,7 +65,7 @@ class TissueEnergyBalance:
         system, moved = self.stepper.system, new.u - old.u
         work = 0.5 * float((before + after) @ moved)
         self.work += work
-        self.turnover += abs(work)
+        self.total_absolute_work += abs(work)
         self.strain += system.strain_energy(new.u) - system.strain_energy(old.u)
         if not isinstance(self.stepper, StaticStepper):
             self.kinetic += kinetic_energy(system, new.v) - kinetic_energy(system, old.v)
@@ -121,4 +121,4 @@ class TissueEnergyBalance:
         """Return the residual of the balance, relative to the total absolute work."""
         spent = (self.kinetic, self.strain, self.stored, self.damping, self.relaxation)
         missing = abs(self.work - sum(spent) - self.algorithmic)
-        return missing / self.turnover if self.turnover else missing
+        return missing / self.total_absolute_work if self.total_absolute_work else missing

@@ -179,5 +179,5 @@ def element_row(name: str, key: str = "discretization.element") -> ElementType:
         return CATALOGUE[known]
     found = _plugin.load(name, key)
     if not isinstance(found, ElementType):
-        raise CaseError(key, f"'{name}' is no ElementType", "see docs/how-to/own-element.md")
+        raise CaseError(key, f"'{name}' is not an ElementType", "see docs/how-to/own-element.md")
     return found

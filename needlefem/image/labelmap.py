@@ -147,16 +147,16 @@ def _labels(volume: Volume, path: Path) -> Ints:
         with np.errstate(invalid="ignore"):
             odd = layers[~(layers == rounded) | ~(np.abs(layers) < LARGEST_LABEL)]
         if odd.size:
-            raise refusal(path, f"it holds {odd[0]:g}, which is no label", SEGMENTATION)
+            raise refusal(path, f"it holds {odd[0]:g}, which is not a label", SEGMENTATION)
         layers = rounded.astype(np.int64)
     found = np.unique(np.concatenate([np.unique(part) for layer in layers for part in layer]))
     if len(found) > MOST_LABELS:
         raise refusal(path, f"it holds {len(found)} different values", SEGMENTATION)
     if found[0] < -LARGEST_LABEL or found[-1] >= LARGEST_LABEL:
         worst = found[0] if found[0] < -LARGEST_LABEL else found[-1]
-        raise refusal(path, f"it holds {worst}, which is no label", SEGMENTATION)
+        raise refusal(path, f"it holds {worst}, which is not a label", SEGMENTATION)
     if not np.any(found):
-        raise refusal(path, "it holds no label but 0", "give one with segments")
+        raise refusal(path, "it contains no label other than 0", "give one with segments")
     labels: Ints = layers
     return labels
 

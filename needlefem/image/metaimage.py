@@ -46,7 +46,7 @@ def read_metaimage(path: Path) -> Volume:
     content = file_bytes(path)
     fields, start = _header(content, path)
     if fields.get("ObjectType", "Image") != "Image":
-        raise refusal(path, f"ObjectType: {short(fields['ObjectType'])} is no image")
+        raise refusal(path, f"ObjectType: {short(fields['ObjectType'])} is not an image")
     count = whole(_said(fields, "NDims", path), "NDims", path, 1)
     sizes = [whole(text, "DimSize", path, 1) for text in _said(fields, "DimSize", path).split()]
     if len(sizes) != count:
@@ -71,16 +71,16 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], int]:
         line = content[at : len(content) if end < 0 else end].decode("utf-8", "replace").strip()
         name, equals, value = (part.strip() for part in line.partition("="))
         if line and (not equals or not re.fullmatch(r"[^\0]{1,200}", name)):
-            raise refusal(path, f"{short(line)} in its header says nothing", "save it anew")
+            raise refusal(path, f"{short(line)} in its header has no value", "save it anew")
         if line and fields.setdefault(name, value) != value:
-            raise refusal(path, f"{short(name)} is said twice", "correct the header")
+            raise refusal(path, f"{short(name)} is given twice", "correct the header")
         if end < 0 and "ElementDataFile" not in fields:
             raise refusal(path, "its header has no 'ElementDataFile'", "save it anew")
         at = len(content) if end < 0 else end + 1
     for name, others in SAME.items():
         said = {fields[other] for other in others if other in fields}
         if len(said) > 1:
-            raise refusal(path, f"{name} is said twice", "correct the header")
+            raise refusal(path, f"{name} is given twice", "correct the header")
         if said:
             fields[name] = said.pop()
     return fields, at

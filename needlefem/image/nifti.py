@@ -81,7 +81,7 @@ class _Fields:
         """Return a field that is one integer."""
         value = self[name][0]
         if value != int(value):
-            raise refusal(self._path, f"{name}: {value} is no whole number", "correct the header")
+            raise refusal(self._path, f"{name}: {value} is not an integer", "correct the header")
         return int(value)
 
 
@@ -130,7 +130,7 @@ def _beside(path: Path) -> Path:
 def _sizes(fields: _Fields, path: Path) -> list[int]:
     count, *sizes = (int(n) for n in fields["dim"])
     if not 1 <= count <= 7 or min(sizes[:count]) < 1:
-        raise refusal(path, f"dim: {[count, *sizes]} are no sizes", "correct the header")
+        raise refusal(path, f"dim: {[count, *sizes]} are not valid sizes", "correct the header")
     used = sizes[:count]
     if count < 3:
         problem = f"'{path.name}' has {count} dimensions"
@@ -170,7 +170,7 @@ def _geometry(
     """Return steps and origin in RAS, m, and remarks on missing information."""
     code = fields.whole("xyzt_units") & 7
     if code not in LENGTHS:
-        raise refusal(path, f"xyzt_units: {code} is no unit of length", "correct the header")
+        raise refusal(path, f"xyzt_units: {code} is not a unit of length", "correct the header")
     unit = LENGTHS[code]
     codes = {name: fields.whole(name) for name in ("qform_code", "sform_code")}
     for name, value in codes.items():
@@ -178,7 +178,7 @@ def _geometry(
             raise refusal(path, f"{name}: {value} is not known", "correct the header")
     sides = np.array(fields["pixdim"][1:4])
     if not np.all(sides > 0.0):
-        problem = f"pixdim: {sides.tolist()} are no sizes of voxels"
+        problem = f"pixdim: {sides.tolist()} are not valid voxel sizes"
         raise refusal(path, problem, "correct the header")
     said: dict[str, tuple[Floats, Floats]] = {}
     if codes["sform_code"]:
@@ -187,8 +187,8 @@ def _geometry(
         said["qform"] = _qform(fields, sides, path)
     if not said:
         remark = (
-            f"The header of {path.name} says nothing of orientation (qform_code and sform_code are "
-            "0): that i, j, k go right, anterior, superior from (0, 0, 0) is an assumption."
+            f"The header of {path.name} does not state the orientation (qform_code and sform_code "
+            "are 0): that i, j, k go right, anterior, superior from (0, 0, 0) is an assumption."
         )
         return unit * np.diag(sides), np.zeros(3), (remark,)
     if len(said) == 2:
@@ -212,7 +212,7 @@ def _qform(fields: _Fields, sides: Floats, path: Path) -> tuple[Floats, Floats]:
     b, c, d = fields["quatern"]
     rest = 1.0 - (b * b + c * c + d * d)
     if not rest > -1e-4:
-        problem = f"quatern_b, c, d: {b:g}, {c:g}, {d:g} are no rotation"
+        problem = f"quatern_b, c, d: {b:g}, {c:g}, {d:g} are not a rotation"
         raise refusal(path, problem, "correct the header")
     a = math.sqrt(max(rest, 0.0))
     turn = np.array([

@@ -93,10 +93,10 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], dict[str, str],
     end = re.search(rb"\r?\n\r?\n", content)
     head = content if end is None else content[: end.start()]
     if b"\0" in head:
-        raise refusal(path, "its header ends nowhere", "save it anew")
+        raise refusal(path, "its header has no end", "save it anew")
     first, *lines = re.split(r"\r?\n", _text(head))
     if not re.fullmatch(r"NRRD000[1-5]", first.strip()):
-        raise refusal(path, f"{short(first)} is no version of NRRD that is known")
+        raise refusal(path, f"{short(first)} is not a known version of NRRD")
     fields: dict[str, str] = {}
     keys: dict[str, str] = {}
     for line in lines:
@@ -106,16 +106,16 @@ def _header(content: bytes, path: Path) -> tuple[dict[str, str], dict[str, str],
         own, text = text.startswith("="), text.removeprefix("=").strip()
         name = place if own else SYNONYMS.get(place.strip().lower(), place.strip().lower())
         if not colon or (not own and name not in FIELDS):
-            problem = f"{short(place)} is no field of a header"
+            problem = f"{short(place)} is not a field of a header"
             raise refusal(path, problem, nearest(name[:40], FIELDS) if colon else "save it anew")
         into = keys if own else fields
         if own:
             text = re.sub(r"\\(n|\\)", lambda found: "\n" if found[1] == "n" else "\\", text)
         if into.setdefault(name, text) != text:
-            raise refusal(path, f"{short(name)} is said twice", "correct the header")
+            raise refusal(path, f"{short(name)} is given twice", "correct the header")
     detached = "data file" in fields
     if end is None and not detached:
-        raise refusal(path, "its header ends nowhere", "the file is cut off: save it anew")
+        raise refusal(path, "its header has no end", "the file is cut off: save it anew")
     return fields, keys, len(content) if end is None else end.end()
 
 
@@ -244,7 +244,7 @@ def _geometry(
             axis, sign = LPS[letter]
             turned[row] = sign * np.eye(3)[axis]
     elif space and space not in NAMELESS:
-        problem = f"space: {short(space)} is no space of three axes that is known"
+        problem = f"space: {short(space)} is not a known space with three axes"
         raise refusal(path, problem, "write left-posterior-superior or right-anterior-superior")
     else:
         named = f"only '{space}'" if space else "no 'space'"
@@ -263,7 +263,7 @@ def _geometry(
         origin = _vector(fields["space origin"], "space origin", path)
     else:
         origin = np.zeros(3)
-        remarks.append(f"The header of {path.name} has no 'space origin': (0, 0, 0) is taken.")
+        remarks.append(f"The header of {path.name} has no 'space origin': (0, 0, 0) is assumed.")
     return (steps * factors) @ turned, (origin * factors) @ turned, tuple(remarks)
 
 
@@ -271,7 +271,7 @@ def _vector(text: str, key: str, path: Path) -> Floats:
     inside = re.fullmatch(r"\(([^()]*)\)", text.strip())
     words = [] if inside is None else inside[1].split(",")
     if len(words) != 3:
-        raise refusal(path, f"{key}: {short(text)} is no vector (a,b,c)", "correct the header")
+        raise refusal(path, f"{key}: {short(text)} is not a vector (a,b,c)", "correct the header")
     return np.array([number(word.strip(), key, path) for word in words])
 
 
@@ -325,7 +325,7 @@ def _spacings(
             remarks,
         )
     if lows is None:
-        remarks.append(f"The header of {path.name} has no origin: (0, 0, 0) is taken.")
+        remarks.append(f"The header of {path.name} has no origin: (0, 0, 0) is assumed.")
     else:
         cells = _listed(fields, "centerings", count, path) or ["cell"] * count
         shift = np.array([0.0 if cells[axis] == "node" else 0.5 for axis in places])

@@ -86,7 +86,7 @@ def number(text: str, key: str, path: Path) -> float:
     """Return a finite number of a header's key."""
     value = float(text) if _NUMBER.fullmatch(text) else math.nan
     if not math.isfinite(value):
-        raise refusal(path, f"{key}: {short(text)} is no finite number", "correct the header")
+        raise refusal(path, f"{key}: {short(text)} is not a finite number", "correct the header")
     return value
 
 
@@ -94,7 +94,7 @@ def whole(text: str, key: str, path: Path, low: int | None = None) -> int:
     """Return an integer of a header's key, of at least `low`."""
     if not _WHOLE.fullmatch(text) or (low is not None and int(text) < low):
         least = "" if low is None else f" of at least {low}"
-        problem = f"{key}: {short(text)} is no whole number{least}"
+        problem = f"{key}: {short(text)} is not an integer{least}"
         raise refusal(path, problem, "correct the header")
     return int(text)
 
@@ -103,7 +103,7 @@ def unit_of(text: str, key: str, path: Path) -> float:
     """Return the length (m) of a unit of a header's key."""
     known = UNITS.get(text.strip().lower())
     if known is None:
-        problem = f"{key}: {short(text)} is no known unit of length"
+        problem = f"{key}: {short(text)} is not a known unit of length"
         raise refusal(path, problem, "save it in mm")
     return known
 
@@ -177,7 +177,7 @@ def array_of_text(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path
     """Return numbers in a text as an array; see `array_of`."""
     wanted = voxel_count(shape, path)
     if not re.fullmatch(rb"[\d\s+\-.eE,]*", data):
-        raise refusal(path, "its voxels are no numbers", "save it anew")
+        raise refusal(path, "its voxels are not numbers", "save it anew")
     words = data.replace(b",", b" ").split()
     if len(words) != wanted:
         problem = f"it has {len(words):,} voxels, by its header there are {wanted:,}"
@@ -187,9 +187,11 @@ def array_of_text(data: bytes, dtype: np.dtype, shape: Sequence[int], path: Path
         with np.errstate(all="ignore"):
             found = values.astype(dtype)
     except ValueError:
-        raise refusal(path, "its voxels are no numbers", "save it anew") from None
+        raise refusal(path, "its voxels are not numbers", "save it anew") from None
     if not np.array_equal(found, values):
-        raise refusal(path, f"voxels that are no {dtype.name}", "correct the header's type")
+        raise refusal(
+            path, f"voxels that are not of type {dtype.name}", "correct the header's type"
+        )
     return found.reshape(shape)
 
 
@@ -244,7 +246,7 @@ def read_other(path: Path) -> Volume:
     """
     content = file_bytes(path)
     if content[128:132] == b"DICM":
-        problem = "a DICOM file: frames of a DICOM segmentation are no volume yet"
+        problem = "a DICOM file: frames of a DICOM segmentation are not supported as a volume"
         raise refusal(path, problem, "load it in 3D Slicer (or dcmqi) and save it as .seg.nrrd")
     try:
         with warnings.catch_warnings():

@@ -1,7 +1,7 @@
 """Insertions of a needle into tissue, along the cut path or in time.
 
-`Simulation` holds what all insertions of a scene share and moves the needle; an `Insertion` has
-its states, events, seeds and status. Energies, displacements and the check of small strains are
+`Simulation` contains the data that all insertions of a scene share. An `Insertion` consists of
+states, events, seeds and a status. Energies, displacements and the check of small strains are
 computed from these states.
 """
 

@@ -1,6 +1,6 @@
 """The cut path of a needle, and the trajectory of its tip in the material.
 
-`CutPath` holds the contact segments of a path while a motion runs, with the slip that each has
+`CutPath` contains the contact segments of a path during a motion, with the slip that each has
 accumulated. `TipTrajectory` evaluates an insertion that has ended: the material point at the tip
 for any depth, and the depth for a point.
 """
@@ -19,10 +19,23 @@ if TYPE_CHECKING:
 
 
 class CutPath:
-    """Where the needle has cut, and how its surface has slid there.
+    """Contact segments of the cut path, and the friction state of each segment.
 
-    Piece 0 is the entry point, without length; piece j ends at `vertices[j]`; the last, number
-    `count`, grows from the newest vertex to the crack front.
+    Segment 0 is the entry point and has no length. Segment j ends at `vertices[j]`. The last
+    segment, number `count`, grows from the last vertex to the crack front.
+
+    Parameters
+    ----------
+    instrument : NeedleInterface
+
+    Attributes
+    ----------
+    vertices : list of array, shape (dim,), m
+        Ends of the full segments.
+    arcs : list of float, m
+        Length of the path at each vertex.
+    crack_front : array, shape (dim,), m
+        End of the path.
     """
 
     def __init__(self, instrument: NeedleInterface) -> None:
@@ -31,17 +44,21 @@ class CutPath:
         self.arcs: list[float] = [0.0]
         self.crack_front: Vector = instrument.axis.entry
         self.kinetic: list[float] = [0.0]
-        """Friction limit of whole pieces, N (N/m in 2D)."""
+        """Kinetic friction force of each full segment, N (N/m in 2D)."""
         self.friction_force: Floats = np.zeros(2)
-        """Friction force on every piece, the growing one included."""
+        """Friction force on each segment, including the growing one, N (N/m in 2D)."""
         self.slip_since_stick: Floats = np.full(2, np.inf)
-        """Slip of every piece since it last stuck, m; without end for freshly cut ones."""
+        """Slip of each segment since it last stuck, m; infinite for a new segment."""
         self.pace = self.slope = 1.0
-        """Advance on the path per depth, and gap per advance, when the tip was last drawn back."""
+        """Estimates for the next retraction step, from the last one.
+
+        `pace` is the change of the tip's path length over the change of depth. `slope` is the
+        derivative of the axial gap with respect to the path length of the tip.
+        """
 
     @property
     def count(self) -> int:
-        """Number of whole pieces."""
+        """Number of full segments."""
         return len(self.vertices)
 
     @property
@@ -50,30 +67,29 @@ class CutPath:
         return self.arcs[-1] + float(np.linalg.norm(self.crack_front - self.vertices[-1]))
 
     def at(self, arc: float) -> tuple[int, Vector]:
-        """Return the number of whole pieces behind a path length, and the material point there."""
-        whole = min(max(int(np.searchsorted(self.arcs, arc, side="left")), 1), self.count)
-        start, begin = self.vertices[whole - 1], self.arcs[whole - 1]
-        end = self.crack_front if whole == self.count else self.vertices[whole]
-        span = (self.length if whole == self.count else self.arcs[whole]) - begin
+        """Return the number of full segments up to a path length, and the material point there."""
+        full = min(max(int(np.searchsorted(self.arcs, arc, side="left")), 1), self.count)
+        start, begin = self.vertices[full - 1], self.arcs[full - 1]
+        end = self.crack_front if full == self.count else self.vertices[full]
+        span = (self.length if full == self.count else self.arcs[full]) - begin
         share = (arc - begin) / span if span > 0.0 else 0.0
-        return whole, start + share * (end - start)
+        return full, start + share * (end - start)
 
     def extend(self, kinetic: float) -> None:
-        """Make the growing piece a whole one, and begin the next."""
+        """Make the growing segment a full segment, and start a new one at the crack front."""
         self.arcs.append(self.length)
         self.vertices.append(self.crack_front)
         self.kinetic.append(kinetic)
         self.friction_force = np.append(self.friction_force, 0.0)
         self.slip_since_stick = np.append(self.slip_since_stick, np.inf)
 
-    def store(self, pull: Floats, slipped: Floats) -> None:
-        """Keep friction forces, and slip since sticking, of the pieces that the needle is in."""
-        count = len(pull)
+    def store(self, friction: Floats, slipped: Floats) -> None:
+        """Store friction force and slip since sticking of the segments in which the needle is."""
+        count = len(friction)
         self.friction_force = np.zeros(len(self.friction_force))
-        self.friction_force[:count] = pull
-        self.slip_since_stick = np.full(
-            len(self.slip_since_stick), np.inf
-        )  # caught again it slides at once
+        self.friction_force[:count] = friction
+        # a segment that the needle enters again starts with kinetic friction
+        self.slip_since_stick = np.full(len(self.slip_since_stick), np.inf)
         self.slip_since_stick[:count] = slipped
 
 
@@ -84,17 +100,17 @@ class CutPath:
 
 
 STUB = 0.01
-"""Length of a path's last step, over that of the one before, from which on it counts."""
+"""Length of the last step of a path, relative to the step before, below which it is merged."""
 
 
 class TipPoint(NamedTuple):
-    """A material point that the tip reaches, and the depth at which it does.
+    """A material point that the tip reaches, and the depth at which it is reached.
 
     Parameters
     ----------
     depth : float, m
     point : array, shape (dim,), m
-        Material point at the tip: where a seed released there comes to rest.
+        Material point at the tip. A seed that is released there comes to rest at it.
     """
 
     depth: float
@@ -102,14 +118,15 @@ class TipPoint(NamedTuple):
 
 
 class TrajectoryInterval(NamedTuple):
-    """A stretch of the path that the tip passed without a snap.
+    """A part of the trajectory between two ruptures.
 
     Parameters
     ----------
     length : array, shape (n,), m
-        Path length of its states from the skin.
+        Path length from the skin of each state.
     depth : array, shape (n,), m
     point : array, shape (n, dim), m
+        Material point at the tip.
     """
 
     length: Floats
@@ -122,7 +139,14 @@ class TrajectoryInterval(NamedTuple):
         return TipPoint(float(values[0]), values[1:])
 
     def solve(self, values: Floats, sought: float) -> float | None:
-        """Return the first path length at which a quantity of the states takes a value."""
+        """Return the smallest path length at which an interpolated quantity has a value, or None.
+
+        Parameters
+        ----------
+        values : array, shape (n,)
+            Quantity in each state.
+        sought : float
+        """
         above = values >= sought
         cross = np.flatnonzero(above[1:] != above[:-1])
         if not cross.size:
@@ -131,19 +155,19 @@ class TrajectoryInterval(NamedTuple):
         return _invert(self.length, values, sought, first)
 
 
-def _without_stub(piece: TrajectoryInterval) -> TrajectoryInterval:
-    """Return a piece without its last state but one if that is all but at the end.
+def _without_stub(interval: TrajectoryInterval) -> TrajectoryInterval:
+    """Remove the second last state if it is very close to the last one.
 
-    A cubic through both would have their round-off, divided by their distance, for its slope.
+    The slope of a cubic through both would be their round-off divided by their distance.
     """
-    steps = np.diff(piece.length)
+    steps = np.diff(interval.length)
     if len(steps) < 2 or steps[-1] >= STUB * steps[-2]:
-        return piece
-    return TrajectoryInterval(*(np.delete(values, -2, axis=0) for values in piece))
+        return interval
+    return TrajectoryInterval(*(np.delete(values, -2, axis=0) for values in interval))
 
 
 def _cutting(insertion: "Insertion") -> Ints:
-    """Return the numbers of the states in which the tip is further in the material than before."""
+    """Return the numbers of the states in which the tip is at a new material point."""
     tips, first = insertion.tips, insertion.first_cut
     if first is None:
         return np.arange(min(1, len(tips)))
@@ -158,7 +182,7 @@ def _stencil(nodes: Floats, first: int) -> slice:
 
 
 def _lagrange(nodes: Floats, at: float, first: int | None = None) -> Floats:
-    """Return the weights of all nodes in the cubic through the four around `at`."""
+    """Return the weights of all nodes in the cubic through the four nodes around `at`."""
     if first is None:
         first = int(np.searchsorted(nodes, at)) - 1
     part = _stencil(nodes, first)
@@ -168,7 +192,7 @@ def _lagrange(nodes: Floats, at: float, first: int | None = None) -> Floats:
 
 
 def _shares(near: list[float], at: float) -> list[float]:
-    """Return Lagrange's weights; of four numbers, where arrays only cost."""
+    """Return the Lagrange weights of a few nodes, without the overhead of arrays."""
     found = []
     for here in near:
         weight = 1.0
@@ -180,7 +204,7 @@ def _shares(near: list[float], at: float) -> list[float]:
 
 
 def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
-    """Return where between two nodes the interpolating cubic takes a value (bracketed secant)."""
+    """Return where the cubic interpolant has a value between two nodes (bracketed secant)."""
     low, high = float(nodes[first]), float(nodes[first + 1])
     f_low, f_high = float(values[first] - sought), float(values[first + 1] - sought)
     if f_high == 0.0:  # exactly at a state
@@ -195,7 +219,7 @@ def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
         error = math.fsum(map(operator.mul, _shares(near, at), known)) - sought
         if abs(error) < 1e-15 or high - low < 1e-15:
             break
-        # Illinois: halve the value at an end that stays, so that both ends close in
+        # Illinois method: halve the value at the end that is kept, so that both ends converge
         if (error > 0.0) == (f_high > 0.0):
             high, f_high, f_low = at, error, 0.5 * f_low
         else:
@@ -204,7 +228,12 @@ def _invert(nodes: Floats, values: Floats, sought: float, first: int) -> float:
 
 
 class TipTrajectory:
-    """The cut path of an insertion as pieces between snaps."""
+    """Trajectory of the tip in the material, as intervals between ruptures.
+
+    Parameters
+    ----------
+    insertion : Insertion
+    """
 
     def __init__(self, insertion: "Insertion") -> None:
         self.axis = insertion.axis
@@ -214,66 +243,66 @@ class TipTrajectory:
         tips, depths = insertion.tips[kept], insertion.depths[kept]
         steps = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         length = np.concatenate([[0.0], np.cumsum(steps)])
-        snaps = [np.searchsorted(kept, [snap.first, snap.last]) for snap in insertion.ruptures]
-        ends = [0, *(last for _, last in snaps)]
-        stops = [*(first + 1 for first, _ in snaps), len(tips)]
-        self.pieces = [
+        ruptures = [np.searchsorted(kept, [r.first, r.last]) for r in insertion.ruptures]
+        ends = [0, *(last for _, last in ruptures)]
+        stops = [*(first + 1 for first, _ in ruptures), len(tips)]
+        self.intervals = [
             _without_stub(TrajectoryInterval(length[a:b], depths[a:b], tips[a:b]))
             for a, b in zip(ends, stops, strict=True)
             if b - a > 1
         ]
 
     def at_depth(self, depth: float) -> TipPoint | None:
-        """Return the material point at the tip at a depth, or None beyond the path's end.
+        """Return the material point at the tip at a depth, or None beyond the end of the path.
 
-        Before the skin is cut it is the entry point.
+        Before the puncture it is the entry point.
         """
         if self.puncture_depth is None or depth <= self.puncture_depth:
             return TipPoint(depth, self.entry)
-        for piece in self.pieces:
-            length = piece.solve(piece.depth, depth)
+        for interval in self.intervals:
+            length = interval.solve(interval.depth, depth)
             if length is not None:
-                return piece.at(length)
+                return interval.at(length)
         return None
 
     def at_target_depth(self, target: Vector) -> TipPoint | None:
-        """Return where the tip is level with the target along the needle, or None.
+        """Return the point of the trajectory with the axial coordinate of the target, or None.
 
-        None means that the path ends before, or that the material there was jumped over.
+        None: the path ends before the target, or the tip passes that material in a rupture.
         """
         sought = float(self.axis.axial_coordinate(target))
-        for piece in self.pieces:
-            length = piece.solve(self.axis.axial_coordinate(piece.point), sought)
+        for interval in self.intervals:
+            length = interval.solve(self.axis.axial_coordinate(interval.point), sought)
             if length is not None:
-                return piece.at(length)
+                return interval.at(length)
         return None
 
     def closest(self, target: Vector) -> TipPoint | None:
-        """Return the point of the path nearest to the target, or None if nothing was cut."""
+        """Return the point of the trajectory closest to the target, or None if nothing was cut."""
         best: TipPoint | None = None
-        for piece in self.pieces:
-            nearest = self._closest(piece, target)
-            if best is None or _away(nearest, target) < _away(best, target):
+        for interval in self.intervals:
+            nearest = self._closest(interval, target)
+            if best is None or _distance(nearest, target) < _distance(best, target):
                 best = nearest
         return best
 
     @staticmethod
-    def _closest(piece: TrajectoryInterval, target: Vector) -> TipPoint:
-        apart = np.sum((piece.point - target) ** 2, axis=1)
+    def _closest(interval: TrajectoryInterval, target: Vector) -> TipPoint:
+        apart = np.sum((interval.point - target) ** 2, axis=1)
         middle = int(np.argmin(apart))
-        low = piece.length[max(middle - 1, 0)]
-        high = piece.length[min(middle + 1, len(piece.length) - 1)]
-        for _ in range(200):  # golden section on the distance; its floor is (1e-16)^(1/2) of it
+        low = interval.length[max(middle - 1, 0)]
+        high = interval.length[min(middle + 1, len(interval.length) - 1)]
+        for _ in range(200):  # golden section: accurate to the square root of round-off
             if high - low < 1e-11:
                 break
             inner = high - 0.6180339887498949 * (high - low)
             outer = low + 0.6180339887498949 * (high - low)
-            if _away(piece.at(inner), target) < _away(piece.at(outer), target):
+            if _distance(interval.at(inner), target) < _distance(interval.at(outer), target):
                 high = outer
             else:
                 low = inner
-        return piece.at(0.5 * (low + high))
+        return interval.at(0.5 * (low + high))
 
 
-def _away(reach: TipPoint, target: Vector) -> float:
-    return float(np.linalg.norm(reach.point - target))
+def _distance(reached: TipPoint, target: Vector) -> float:
+    return float(np.linalg.norm(reached.point - target))

@@ -1,4 +1,4 @@
-"""Events of a motion, and the time within a step at which the needle crosses the skin."""
+"""Log of the events of a motion, and the time within a step at which the tip crosses the skin."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.result import Event, Seed
 from needlefem.insertion.state import State, TipPhase
 from needlefem.insertion.step_equations import Field, root_between
-from needlefem.insertion.tip_phase import holding, trial_step
+from needlefem.insertion.tip_phase import fixed_point_forces, trial_step
 
 if TYPE_CHECKING:
     from needlefem.insertion.progress import Progress
@@ -25,7 +25,7 @@ CHANGES = {
     (TipPhase.RETRACTED, TipPhase.OUTSIDE): "exit",
     (TipPhase.OUTSIDE, TipPhase.RETRACTED): "entry",
 }
-"""What a change of the tip's way is called."""
+"""Kind of the event for a change of the tip phase."""
 
 
 class EventLog:
@@ -33,53 +33,53 @@ class EventLog:
 
     Parameters
     ----------
-    track : CutPath
-    timeless : bool
-        Whether steps are cut where something happens.
+    cut_path : CutPath
+    rate_independent : bool
+        Whether a step ends where an event occurs.
 
     Attributes
     ----------
     events : list of Event
-        May be emptied by who has read them.
+        A reader may remove the events that it has read.
     seeds : list of Seed
     """
 
-    def __init__(self, track: CutPath, *, timeless: bool) -> None:
+    def __init__(self, cut_path: CutPath, *, rate_independent: bool) -> None:
         self.events: list[Event] = []
         self.seeds: list[Seed] = []
-        self._track, self._timeless = track, timeless
-        self._way_in = [(0.0, track.instrument.axis.entry)]
+        self._cut_path, self._rate_independent = cut_path, rate_independent
+        self._push = [(0.0, cut_path.instrument.axis.entry)]
         self._sticking = False
 
     def record(self, kind: str, energy: float, at: State, name: str = "") -> None:
-        """Note an event."""
+        """Append an event."""
         self.events.append(Event(kind, at.time, at.depth, at.tip, energy, name))
 
     def record_deepest(self, state: State) -> None:
-        """Remember the tip's material if the needle was never deeper."""
-        if state.depth > self._way_in[-1][0] and state.tip_phase is not TipPhase.OUTSIDE:
-            self._way_in.append((state.depth, state.tip))
+        """Store the material point at the tip if the depth is the largest so far."""
+        if state.depth > self._push[-1][0] and state.tip_phase is not TipPhase.OUTSIDE:
+            self._push.append((state.depth, state.tip))
 
-    def record_transitions(self, old: State, new: State, spent: tuple[float, float]) -> None:
-        """Note what changed from one state to the next.
+    def record_transitions(self, old: State, new: State, dissipated: tuple[float, float]) -> None:
+        """Append the events of a step from one state to the next.
 
         Parameters
         ----------
         old, new : State
-        spent : (float, float)
-            What friction, and what the tip took in the step, J (J/m in 2D).
+        dissipated : (float, float)
+            Energy dissipated in the step by friction, and at the tip, J (J/m in 2D).
         """
-        friction, tip = spent
+        friction, tip = dissipated
         if (old.tip_phase, new.tip_phase) in CHANGES and (
             len(old.friction_force) or len(new.friction_force)
         ):
-            # a step is cut before the tip leaves and after it arrives
+            # a step ends before the tip leaves the crack front, and after it has reached it
             arrived = (
                 new.tip_phase in (TipPhase.OUTSIDE, TipPhase.LOADING, TipPhase.CUTTING)
-                or not self._timeless
+                or not self._rate_independent
             )
-            took = tip + (friction if new.tip_phase is TipPhase.OUTSIDE else 0.0)
-            self.record(CHANGES[old.tip_phase, new.tip_phase], took, new if arrived else old)
+            energy = tip + (friction if new.tip_phase is TipPhase.OUTSIDE else 0.0)
+            self.record(CHANGES[old.tip_phase, new.tip_phase], energy, new if arrived else old)
         if len(new.friction_force) < 2 or new.slipping is None:
             return
         slipping = np.count_nonzero(new.slipping[1:])
@@ -90,76 +90,87 @@ class EventLog:
             self._sticking = True
             self.record("full_stick", friction, new)
 
-    def release(self, name: str, state: State, world: Vector) -> None:
-        """Let the tip, at a point of the world, let go of something."""
+    def release(self, name: str, state: State, position: Vector) -> None:
+        """Release a seed at the tip.
+
+        Parameters
+        ----------
+        name : str
+        state : State
+        position : array, shape (dim,), m
+            Position of the tip in space.
+        """
         weights = LinearFunctionals(state.tip_nodes, state.tip_weights[None])
         self.seeds.append(
             Seed(
                 name=name,
                 time=state.time,
-                released_at=world,
+                released_at=position,
                 point=state.tip,
-                elastic_prediction=self._shortcut(state),
+                elastic_prediction=self._elastic_prediction(state),
                 weights=weights,
                 inside=len(state.friction_force) > 0,
             )
         )
         self.record("release", 0.0, state, name)
 
-    def _shortcut(self, state: State) -> Vector:
-        """Return the material that was at the tip at this depth on the way in."""
-        depths = np.array([depth for depth, _ in self._way_in])
+    def _elastic_prediction(self, state: State) -> Vector:
+        """Return the material point that was at the tip at the same depth during the push."""
+        depths = np.array([depth for depth, _ in self._push])
         if state.depth >= depths[-1]:
             return state.tip
-        tips = np.array([tip for _, tip in self._way_in])
-        return np.array([np.interp(state.depth, depths, along) for along in tips.T])
+        tips = np.array([tip for _, tip in self._push])
+        return np.array([np.interp(state.depth, depths, component) for component in tips.T])
 
     def seed_positions(self, field: Field) -> Points:
-        """Return where the seeds are in the world under a field, shape (nseeds, dim), m."""
-        frame = self._track.instrument.axis.frame
+        """Return the positions of the seeds in space under a displacement field, m.
+
+        Shape (nseeds, dim).
+        """
+        frame = self._cut_path.instrument.axis.frame
         found = [seed.point + field.means(seed.weights)[0] @ frame for seed in self.seeds]
         return np.array(found).reshape(-1, len(frame))
 
 
 # Time within a step at which the needle crosses the skin, in tissue that depends on time.
 #
-# The time is found by shorter steps from the same start. For uncut skin the sign of the tip force
-# shows on which side of the skin the needle is; for cut skin, the distance of the tip from the
-# entry point of a needle without force. A step that ends at the crossing has contact during all of
-# its duration or not at all, so that friction and cutting do no work over a gap.
+# The time is found by shorter steps from the same start. The needle is inside of uncut skin if the
+# tip force is positive, and inside of cut skin if the tip is ahead of the entry point. A step that
+# ends at the crossing has contact during all of its duration or not at all, so that friction and
+# cutting do no work over a gap.
 
 
 FINE = 1e-4
-"""Part of a step to which the time of a crossing is found."""
+"""Tolerance of the time of a crossing, relative to the duration of the step."""
 SHORTEST = 1e-3
-"""Part of a step that what is cut off, or left, of it lasts at least."""
+"""Shortest part of a divided step, relative to its duration."""
 BISECTIONS = 8
-"""Of a step at whose end tissue that friction dragged along has sprung off the needle."""
+"""Bisections of a step that ends outside although the tip is inside at the entry point."""
 
 
-def crossing_of_uncut_skin(progress: "Progress", tick: TimeStep) -> float:
-    """Return when in a step the tip leaves or meets the uncut skin, as a share of the step.
+def crossing_of_uncut_skin(progress: "Progress", time_step: TimeStep) -> float:
+    """Return when the tip begins or loses contact with uncut skin, as a share of the step.
 
-    1: not before its end. A step of all its duration has begun, also afterwards.
+    1 if this does not happen within the step. Afterwards a step of the full duration has begun.
     """
     weights, now = progress.tip_at_entry, progress.state
 
     def force(depth: float) -> float:
         contact = progress.contact
-        return float(holding(contact, contact.trial(weights), depth)[0])
+        return float(fixed_point_forces(contact, contact.trial(weights), depth)[0])
 
     if now.tip_phase is TipPhase.OUTSIDE:
         trial = progress.contact.trial(weights)
-        first = -_outside(now) / float(trial.bare[0, 0])
+        first = -_gap_to_skin(now) / float(trial.bare[0, 0])
     else:
         first = now.tip_force
-    return _crossing(progress, tick, first, force)
+    return _crossing(progress, time_step, first, force)
 
 
-def crossing_on_path(progress: "Progress", tick: TimeStep) -> float:
-    """Return when in a step the tip leaves its path at the skin or enters it, as a share of it.
+def crossing_on_path(progress: "Progress", time_step: TimeStep) -> float:
+    """Return when the tip passes the skin on its cut path, as a share of the step.
 
-    1: not before its end. A step of all its duration has begun, also afterwards.
+    1 if this does not happen within the step. Afterwards a step of the full duration has begun.
     """
     now, arc = progress.state, progress.arc
 
@@ -167,13 +178,13 @@ def crossing_on_path(progress: "Progress", tick: TimeStep) -> float:
         equations = progress.equations()
         return equations.solve(equations.at_arc(0.0), depth, 0.0, 0.0).axial_gap
 
-    first = _outside(now) if now.tip_phase is TipPhase.OUTSIDE else -now.inserted_length
-    share = _crossing(progress, tick, first, gap)
+    first = _gap_to_skin(now) if now.tip_phase is TipPhase.OUTSIDE else -now.inserted_length
+    share = _crossing(progress, time_step, first, gap)
     if now.tip_phase is TipPhase.OUTSIDE or share >= 1.0:
         return share
-    low, high = share, 1.0  # is it out there, or held on to by tissue that it drags along?
+    low, high = share, 1.0  # friction may drag the tissue along with the needle beyond the skin
     for _ in range(BISECTIONS):
-        depth = _begun(progress, tick, share)
+        depth = _begin_part(progress, time_step, share)
         if trial_step(progress.equations(), now.tip_phase, arc, depth).phase is TipPhase.OUTSIDE:
             high = share
             if share == low:
@@ -181,33 +192,43 @@ def crossing_on_path(progress: "Progress", tick: TimeStep) -> float:
         else:
             low = share
         share = 0.5 * (low + high)
-    _begun(progress, tick, 1.0)
+    _begin_part(progress, time_step, 1.0)
     return high if high < 1.0 - SHORTEST else 1.0
 
 
-def _outside(state: State) -> float:
-    """Return how far outside the entry point a tip is that touches nothing, m."""
+def _gap_to_skin(state: State) -> float:
+    """Return the distance of a tip outside of the tissue from the entry point, m."""
     return state.tip_displacement - state.depth
 
 
-def _begun(progress: "Progress", tick: TimeStep, share: float) -> float:
-    """Begin a step of a share of the tick's duration; return the depth at its end, m."""
+def _begin_part(progress: "Progress", time_step: TimeStep, share: float) -> float:
+    """Begin a step of a share of the duration of the time step; return the depth at its end, m."""
     now = progress.state
-    progress.begin(tick.duration if share == 1.0 else share * (tick.time - now.time))
-    return now.depth + share * (tick.depth - now.depth)
+    progress.begin(time_step.duration if share == 1.0 else share * (time_step.time - now.time))
+    return now.depth + share * (time_step.depth - now.depth)
 
 
 def _crossing(
-    progress: "Progress", tick: TimeStep, first: float, measure: Callable[[float], float]
+    progress: "Progress", time_step: TimeStep, first: float, measure: Callable[[float], float]
 ) -> float:
-    """Return the share of a step at which a measure of depth, in a step as long, changes sign."""
+    """Return the share of a time step at which a function of the depth changes its sign.
+
+    Parameters
+    ----------
+    progress : Progress
+    time_step : TimeStep
+    first : float
+        Value at the start of the step.
+    measure : callable
+        Function of the depth (m), evaluated with a step that ends at this depth.
+    """
 
     def value(share: float) -> float:
-        return first if share == 0.0 else measure(_begun(progress, tick, share))
+        return first if share == 0.0 else measure(_begin_part(progress, time_step, share))
 
     last = value(1.0)
     if first * last >= 0.0 or abs(first) <= FINE * abs(last):
         return 1.0
     share = root_between(value, 0.0, 1.0, FINE)
-    _begun(progress, tick, 1.0)
+    _begin_part(progress, time_step, 1.0)
     return 1.0 if share > 1.0 - SHORTEST else max(share, SHORTEST)

@@ -27,36 +27,38 @@ if TYPE_CHECKING:
     from needlefem.insertion.time_stepping import TimeStepping
 
 
-def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State, ContactField]:
-    """Return the last state of a march and its field; its path becomes the track's.
+def state_after_path_following(
+    path_following: PathFollowing, cut_path: CutPath, speed: float
+) -> tuple[State, ContactField]:
+    """Return the last state of path following and its field, from which time stepping continues.
 
     Parameters
     ----------
-    march : PathFollowing
+    path_following : PathFollowing
         Has cut the skin.
-    track : CutPath
-        Empty.
+    cut_path : CutPath
+        Empty; it receives the path that was cut.
     speed : float, m/s
-        Of the needle on the march.
+        Speed of the needle during path following.
     """
-    contact, state = march.contact, march.states[-1]
+    contact, state = path_following.contact, path_following.states[-1]
     limits = contact.friction_forces
-    for number, later in enumerate(march.states[2:], 1):
-        track.crack_front = later.tip
-        track.extend(float(limits[number]))
-    track.friction_force[: len(limits)] = limits
-    here = track.instrument.tip(state.tip)
-    trial = contact.trial(here)
+    for number, later in enumerate(path_following.states[2:], 1):
+        cut_path.crack_front = later.tip
+        cut_path.extend(float(limits[number]))
+    cut_path.friction_force[: len(limits)] = limits
+    tip = cut_path.instrument.tip(state.tip)
+    trial = contact.trial(tip)
     path = np.column_stack([state.friction_force, state.lateral_force]).ravel()
     field = ContactField(contact, path, trial, np.append(state.tip_force, state.tip_lateral))
     now = dataclasses.replace(
         state,
         time=state.depth / speed,
-        inserted_length=track.length,
+        inserted_length=cut_path.length,
         slipping=np.ones(len(limits), dtype=int),
-        tip_displacement=float(field.means(here)[0, 0]),
-        tip_nodes=here.nodes,
-        tip_weights=here.rows[0],
+        tip_displacement=float(field.means(tip)[0, 0]),
+        tip_nodes=tip.nodes,
+        tip_weights=tip.rows[0],
     )
     return now, field
 
@@ -68,18 +70,18 @@ def hand_over(march: PathFollowing, track: CutPath, speed: float) -> tuple[State
 # on the same path.
 
 
-STEPS_A_PIECE = 2.0
-"""Steps in which the needle travels the length of a piece of its path, or that over which
-friction weakens, at least."""
+STEPS_PER_SEGMENT = 2.0
+"""Smallest number of time steps in which the needle travels the length of a contact segment, or the
+slip distance over which friction weakens."""
 MOST_EVENTS = 1000
-"""Of those that were written already, how many a result keeps."""
+"""Largest number of events kept in a result, of those that were written to a file before."""
 
 
 def longest_travel(scene: Scene) -> float:
-    """Return the largest travel of the needle in a time step, m."""
-    longest, needle = scene.discretization.path_spacing / STEPS_A_PIECE, scene.needle
+    """Return the longest travel of the needle in a time step, m."""
+    longest, needle = scene.discretization.path_spacing / STEPS_PER_SEGMENT, scene.needle
     if needle.static_friction_ratio > 1.0 and needle.slip_weakening_distance > 0.0:
-        longest = min(longest, needle.slip_weakening_distance / STEPS_A_PIECE)
+        longest = min(longest, needle.slip_weakening_distance / STEPS_PER_SEGMENT)
     return longest
 
 
@@ -89,23 +91,23 @@ class InsertionRun:
     Parameters
     ----------
     scene : Scene
-        Resolved.
+        Resolved scene.
     motion : Motion
-        What the needle is told to do.
+        Prescribed motion of the needle.
     instrument : NeedleInterface
-    medium : TissueResponse
+    tissue_response : TissueResponse
     model : TissueModel
     friction : callable
-        Returns the friction law; asked for when there is something to step.
-    guide : WarmStart, optional
-        For a march, what is known from one nearby.
+        Returns the friction law. It is called when time stepping begins.
+    warm_start : WarmStart, optional
+        Initial values for path following, from an insertion with a nearby entry.
 
     Attributes
     ----------
-    march : PathFollowing or None
-        Set when the motion began with one.
+    path_following : PathFollowing or None
+        None unless the motion begins with path following.
     stepping : TimeStepping or None
-        Set when there was something to step.
+        None until time stepping begins.
     """
 
     def __init__(
@@ -113,38 +115,42 @@ class InsertionRun:
         scene: Scene,
         motion: Motion,
         instrument: NeedleInterface,
-        medium: TissueResponse,
+        tissue_response: TissueResponse,
         model: TissueModel,
         *,
         friction: Callable[[], "SlipWeakeningFriction"],
-        guide: WarmStart | None = None,
+        warm_start: WarmStart | None = None,
     ) -> None:
         self.scene, self.motion, self.instrument = scene, motion, instrument
-        self._guide, self._friction = guide, friction
-        self.medium, self.model = medium, model
-        self.march: PathFollowing | None = None
+        self._warm_start, self._friction = warm_start, friction
+        self.tissue_response, self.model = tissue_response, model
+        self.path_following: PathFollowing | None = None
         self.stepping: TimeStepping | None = None
-        self._legs = motion_stages(motion)
-        self._told = 0
-        self._marched_events: list[Event] = []
-        self._kept: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._stages = motion_stages(motion)
+        self._events_returned = 0
+        self._path_events: list[Event] = []
+        self._taken_events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self.expected_steps = 0.0
-        """Number of time steps, about; 0 for path following alone."""
-        if not (self._marches and self._alone):
+        """Approximate number of time steps; 0 for path following alone."""
+        if not (self._follows_path and self._single_push):
             self._check_steps()
 
     def iterate(self) -> Iterator[State]:
-        """Yield the states one by one; stop early by not asking for more."""
-        if self._marches:
-            yield from self._marched()
-            if self._alone and self.march is not None and self.march.outcome.status in FINAL:
+        """Yield the states one by one. The motion stops if no further state is requested."""
+        if self._follows_path:
+            yield from self._path_states()
+            if (
+                self._single_push
+                and self.path_following is not None
+                and self.path_following.outcome.status in FINAL
+            ):
                 return
-        yield from self._stepped()
+        yield from self._time_step_states()
 
     @property
     def outcome(self) -> Outcome:
-        """How it ended."""
-        run = self.march if self.stepping is None else self.stepping
+        """How the motion ended."""
+        run = self.path_following if self.stepping is None else self.stepping
         assert run is not None
         found = run.outcome
         if self.motion.stages or self.motion.times:
@@ -152,7 +158,7 @@ class InsertionRun:
         largest = f"motion.max_depth, {100.0 * self.motion.max_depth:.4g} cm"
         if found.status is Status.NOT_PUNCTURED:
             return Outcome(found.status, f"{found.sentence}; raise motion.max_depth")
-        if found.status is Status.COMPLETED and not self.pieces:
+        if found.status is Status.COMPLETED and not self.segments:
             return Outcome(Status.NOT_PUNCTURED, f"the skin is not cut at {largest}")
         if found.status is Status.COMPLETED:
             return Outcome(found.status, f"reached {largest}")
@@ -160,134 +166,141 @@ class InsertionRun:
 
     @property
     def releases(self) -> tuple[str, ...]:
-        """Names of what will be released, in their order."""
-        return tuple(name for leg in self._legs for name in leg.releases)
+        """Names of all seeds of the motion, in the order of their release."""
+        return tuple(name for stage in self._stages for name in stage.releases)
 
     @property
-    def pieces(self) -> Sequence[ContactSegment]:
-        """Pieces of the path cut so far."""
+    def segments(self) -> Sequence[ContactSegment]:
+        """Contact segments of the path cut so far."""
         if self.stepping is not None:
-            return self.stepping.pieces
-        return self.march.contact.pieces if self.march is not None else ()
+            return self.stepping.segments
+        return self.path_following.contact.segments if self.path_following is not None else ()
 
     def take_events(self) -> list[Event]:
-        """Return what happened since this was asked for the last time."""
-        found = self._events()[self._told :]
-        self._told += len(found)
+        """Return the events that occurred since the last call."""
+        found = self._events()[self._events_returned :]
+        self._events_returned += len(found)
         if self.stepping is not None:
             found = (*found, *self.stepping.event_log.events)
-            self._kept.extend(self.stepping.event_log.events)
+            self._taken_events.extend(self.stepping.event_log.events)
             self.stepping.event_log.events.clear()
         return list(found)
 
     @property
-    def _marches(self) -> bool:
-        """Whether the motion begins with a march along the path."""
-        return self.scene.discretization.integrator == "path_following" and self._legs[0].end > 0.0
+    def _follows_path(self) -> bool:
+        """Whether the motion begins with path following."""
+        return (
+            self.scene.discretization.integrator == "path_following" and self._stages[0].end > 0.0
+        )
 
     @property
-    def _alone(self) -> bool:
-        """Whether the motion is one push and no more."""
-        return len(self._legs) == 1 and not self._legs[0].releases
+    def _single_push(self) -> bool:
+        """Whether the motion is one insertion without a release."""
+        return len(self._stages) == 1 and not self._stages[0].releases
 
-    def _marched(self) -> Iterator[State]:
-        first = self._legs[0]
-        assert isinstance(self.medium, ElasticResponse)
-        march = PathFollowing(
+    def _path_states(self) -> Iterator[State]:
+        first = self._stages[0]
+        assert isinstance(self.tissue_response, ElasticResponse)
+        path_following = PathFollowing(
             self.instrument,
-            self.medium.responses,
+            self.tissue_response.responses,
             first.end,
-            within=not self._alone,
+            within=not self._single_push,
             speed=first.end / first.duration,
-            guide=self._guide,
+            warm_start=self._warm_start,
         )
-        states = march.iterate()
-        head = [] if self._alone else list(itertools.islice(states, 3))
-        if not self._alone and march.outcome.status is Status.NOT_PUNCTURED:
-            return  # what only presses is stepped from the start
-        self.march = march
+        states = path_following.iterate()
+        head = [] if self._single_push else list(itertools.islice(states, 3))
+        if not self._single_push and path_following.outcome.status is Status.NOT_PUNCTURED:
+            return  # without a puncture, time stepping computes the motion from its start
+        self.path_following = path_following
         yield from itertools.chain(head, states)
 
-    def _stepped(self) -> Iterator[State]:
+    def _time_step_states(self) -> Iterator[State]:
         from needlefem.insertion.time_stepping import TimeStepping  # noqa: PLC0415
 
         friction = self._friction()
-        stepping = TimeStepping(self.instrument, self.medium, self.model, friction)
+        stepping = TimeStepping(self.instrument, self.tissue_response, self.model, friction)
         self.stepping = stepping
-        wanted, longest = self._longest_steps()
-        found = time_steps(self.motion, wanted, longest, timeless=self.medium.timeless)
-        states = stepping.iterate(found)
-        if self.march is not None:
-            speed = self._legs[0].end / self._legs[0].duration
-            stepping.take_over(self.march, speed, energy_terms(self._marched_result()))
+        duration, travel = self._longest_steps()
+        steps = time_steps(
+            self.motion, duration, travel, rate_independent=self.tissue_response.rate_independent
+        )
+        states = stepping.iterate(steps)
+        if self.path_following is not None:
+            speed = self._stages[0].end / self._stages[0].duration
+            stepping.continue_from(self.path_following, speed, energy_terms(self._path_result()))
             next(states)
         yield from states
 
     def _longest_steps(self) -> tuple[float, float]:
-        """Return the longest time of a step, s, and the longest travel of the needle, m."""
+        """Return the longest duration of a step, s, and the longest travel of the needle, m."""
         spacing = self.instrument.spacing
-        wanted = self.scene.discretization.time_step or np.inf
-        if not self.medium.timeless and not np.isfinite(wanted):
-            wanted = spacing / (STEPS_A_PIECE * self.motion.speed)
-        return wanted, longest_travel(self.scene)
+        duration = self.scene.discretization.time_step or np.inf
+        if not self.tissue_response.rate_independent and not np.isfinite(duration):
+            duration = spacing / (STEPS_PER_SEGMENT * self.motion.speed)
+        return duration, longest_travel(self.scene)
 
     def _check_steps(self) -> None:
-        """Refuse a motion of more steps than the scene's limits allow, before it begins."""
-        wanted, longest = self._longest_steps()
-        travel = sum(abs(leg.end - leg.start) for leg in self._legs)
-        still = self.medium.timeless  # while the needle rests nothing happens then
-        time = sum(leg.duration for leg in self._legs if not still or leg.start != leg.end)
-        if time / wanted > travel / longest:
+        """Raise a `CaseError` if the motion needs more steps than the limits of the scene allow."""
+        duration, longest = self._longest_steps()
+        travel = sum(abs(stage.end - stage.start) for stage in self._stages)
+        time = sum(
+            stage.duration
+            for stage in self._stages
+            if stage.start != stage.end or not self.tissue_response.rate_independent
+        )
+        if time / duration > travel / longest:
             key, remedy = "discretization.time_step", "a longer step or a shorter motion"
         else:
             key, remedy = "discretization.path_spacing", "a longer spacing"
-        self.expected_steps = max(time / wanted, travel / longest)
+        self.expected_steps = max(time / duration, travel / longest)
         check_steps(self.expected_steps, key, remedy, self.scene.limits)
 
-    def _marched_result(self) -> Insertion:
-        assert self.march is not None
-        return self.march.result(self.scene, self.model)
+    def _path_result(self) -> Insertion:
+        assert self.path_following is not None
+        return self.path_following.result(self.scene, self.model)
 
     def result(self, states: tuple[State, ...]) -> Insertion:
-        """Return the insertion with the states that were kept."""
+        """Return the insertion with the states that were kept by the caller."""
         outcome = self.outcome
         if outcome.status is Status.STOPPED and states:
             depth = f"a depth of {100.0 * states[-1].depth:.4g} cm"
-            outcome = Outcome(Status.STOPPED, f"ended at {depth}, for no more was asked for")
+            outcome = Outcome(Status.STOPPED, f"stopped at {depth}, as requested by the caller")
         if self.stepping is None:
-            found = self._marched_result()
+            found = self._path_result()
             events = self._events()
             return dataclasses.replace(found, outcome=outcome, states=states, events=events)
-        stepping, march = self.stepping, self.march
-        snaps = march.snaps if march else []
+        stepping, path_following = self.stepping, self.path_following
+        ruptures = path_following.ruptures if path_following else []
         return Insertion(
             scene=self.scene,
             model=self.model,
             instrument=self.instrument,
             outcome=outcome,
             states=states,
-            pieces=tuple(stepping.pieces),
-            ruptures=(*snaps, *stepping.snaps),
+            segments=tuple(stepping.segments),
+            ruptures=(*ruptures, *stepping.ruptures),
             contact_solves=stepping.evaluations,
-            events=(*self._events(), *self._kept, *stepping.event_log.events),
+            events=(*self._events(), *self._taken_events, *stepping.event_log.events),
             seeds=tuple(stepping.event_log.seeds),
             energies=stepping.energy_balance.energy_terms(),
         )
 
     def _events(self) -> tuple[Event, ...]:
-        """Return what happened on the march."""
-        if self.march is None:
+        """Return the events of path following."""
+        if self.path_following is None:
             return ()
-        states, found = self.march.states, self._marched_events
+        states, found = self.path_following.states, self._path_events
         if not found and len(states) > 1 and states[1].tip_force >= states[1].cutting_force:
             found.append(self._event("puncture", states[1], 0.0))
-        for snap in self.march.snaps[max(len(found) - 1, 0) :]:
-            energy = released(self._marched_result(), snap)
-            found.append(self._event("rupture", states[snap.last], energy))
+        for rupture in self.path_following.ruptures[max(len(found) - 1, 0) :]:
+            energy = released(self._path_result(), rupture)
+            found.append(self._event("rupture", states[rupture.last], energy))
         return tuple(found)
 
     def _event(self, kind: str, state: State, energy: float) -> Event:
-        speed = self._legs[0].end / self._legs[0].duration
+        speed = self._stages[0].end / self._stages[0].duration
         return Event(kind, state.depth / speed, state.depth, state.tip, energy)
 
 
@@ -297,4 +310,4 @@ FINAL = (
     Status.NOT_CONVERGED,
     Status.LEFT_TISSUE,
 )
-"""What a push can end with that stepping would not go on from."""
+"""Status of path following after which time stepping does not continue."""

@@ -1,4 +1,4 @@
-"""The prescribed motion of a needle: depth over time, in straight stages, and the time steps."""
+"""Prescribed motion of a needle: stages of constant speed, and the time steps."""
 
 import math
 from collections.abc import Iterator
@@ -9,13 +9,16 @@ from needlefem.errors import CaseError
 from needlefem.scene import Motion, Stage
 
 EVEN = 1e-9
-"""Round-off, in steps or pitches of a train, that is none."""
+"""Relative round-off that is accepted when step counts and seed spacings are rounded."""
 HALVINGS = 6
-"""First step after the needle stopped or turned back, in which the penalty springs extend."""
+"""Number of shorter steps after the needle has rested or turned back, each half of the next one."""
 
 
 class MotionStage(NamedTuple):
-    """Even motion between two depths (m) that takes a time (s); what is released at its end."""
+    """Motion at constant speed between two depths (m) in a duration (s).
+
+    The seeds `releases` are released at its end.
+    """
 
     start: float
     end: float
@@ -24,7 +27,10 @@ class MotionStage(NamedTuple):
 
 
 class TimeStep(NamedTuple):
-    """A time (s) and the depth (m) then; the duration of the step to it (s); what is released."""
+    """End of a time step: time (s) and depth (m); and the duration of the step (s).
+
+    The seeds `releases` are released at its end.
+    """
 
     time: float
     depth: float
@@ -32,19 +38,21 @@ class TimeStep(NamedTuple):
     releases: tuple[str, ...] = ()
 
     def time_at(self, depth: float, start: tuple[float, float]) -> float:
-        """Return the time of a depth in an even motion from a time and a depth to this tick's."""
+        """Return the time at a depth in this step, given time and depth at its start."""
         travel = self.depth - start[1]
         share = (depth - start[1]) / travel if depth != self.depth and travel != 0.0 else 1.0
         return start[0] + share * (self.time - start[0])
 
 
 def motion_stages(motion: Motion) -> tuple[MotionStage, ...]:
-    """Return the legs of a motion; what is released without a motion belongs to the one before.
+    """Return the stages of a motion.
+
+    A seed that is released without a motion belongs to the stage before.
 
     Raises
     ------
     CaseError
-        A stage says too little or too much.
+        The data of a stage are incomplete or contradict each other.
     """
     if motion.times:
         return _table(motion)
@@ -53,18 +61,18 @@ def motion_stages(motion: Motion) -> tuple[MotionStage, ...]:
     found: list[MotionStage] = []
     depth = 0.0
     for number, stage in enumerate(motion.stages):
-        for leg in _stage(stage, depth, motion, f"motion.stages[{number}]"):
-            if found and leg.duration == 0.0 and leg.start == leg.end:
-                found[-1] = found[-1]._replace(releases=found[-1].releases + leg.releases)
+        for part in _stage(stage, depth, motion, f"motion.stages[{number}]"):
+            if found and part.duration == 0.0 and part.start == part.end:
+                found[-1] = found[-1]._replace(releases=found[-1].releases + part.releases)
             else:
-                found.append(leg)
+                found.append(part)
         depth = found[-1].end
     return tuple(found)
 
 
 def deepest(motion: Motion) -> float:
     """Return the largest depth of a motion, m."""
-    return max(leg.end for leg in motion_stages(motion))
+    return max(stage.end for stage in motion_stages(motion))
 
 
 def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[MotionStage]:
@@ -82,10 +90,10 @@ def _stage(stage: Stage, depth: float, motion: Motion, key: str) -> list[MotionS
 
 
 def _train(stage: Stage, depth: float, end: float, speed: float, key: str) -> list[MotionStage]:
-    """Return the legs between the seeds of a train, the first of which stays at the start."""
+    """Return the stages between the seeds of a train; the first seed is released at the start."""
     count, pitch = stage.seed_count or 0, stage.seed_spacing
     if pitch is None or end >= depth or depth - end < (count - 1) * pitch * (1.0 - EVEN):
-        problem = f"no room for {count} seeds on the way from {depth:g} to {end:g} m"
+        problem = f"there is no space for {count} seeds from {depth:g} to {end:g} m"
         raise CaseError(
             f"{key}.seed_count", problem, "give 'seed_spacing', and retract over all of the train"
         )
@@ -126,39 +134,42 @@ def _table(motion: Motion) -> tuple[MotionStage, ...]:
 
 
 def time_steps(
-    motion: Motion, time_step: float, longest: float, *, timeless: bool
+    motion: Motion, time_step: float, longest: float, *, rate_independent: bool
 ) -> Iterator[TimeStep]:
-    """Yield the steps of a motion, of equal duration within a leg.
+    """Yield the time steps of a motion, of equal duration within a stage.
 
-    Where nothing depends on time, the first step after the needle stopped or turned back grows
-    from a short one: sticking ends there, over a travel that is short in stiff tissue.
+    In tissue that does not depend on time, the first step after the needle has rested or turned
+    back is divided, with a short step first: sticking ends after a travel that is short in stiff
+    tissue.
 
     Parameters
     ----------
     motion : Motion
     time_step : float, s
-        Longest step.
+        Longest duration of a step.
     longest : float, m
         Longest travel of the needle in a step.
-    timeless : bool
-        Nothing happens while the needle rests: a hold is one step.
+    rate_independent : bool
+        Whether the response of the tissue is independent of time. Then a dwell is one step.
     """
-    time, stopped, parts = 0.0, False, motion_stages(motion)
-    travels = [leg.end - leg.start for leg in parts]
-    for number, (leg, travel) in enumerate(zip(parts, travels, strict=True)):
-        needed = max(leg.duration / time_step, abs(travel) / longest)
-        count = 1 if timeless and travel == 0.0 else max(1, math.ceil(needed - EVEN))
+    time, stopped, stages = 0.0, False, motion_stages(motion)
+    travels = [stage.end - stage.start for stage in stages]
+    for number, (stage, travel) in enumerate(zip(stages, travels, strict=True)):
+        needed = max(stage.duration / time_step, abs(travel) / longest)
+        count = 1 if rate_independent and travel == 0.0 else max(1, math.ceil(needed - EVEN))
         shares = [n / count for n in range(1, count + 1)]
-        if timeless and stopped and travel != 0.0:
+        if rate_independent and stopped and travel != 0.0:
             shares = [shares[0] * 0.5**n for n in range(HALVINGS, 0, -1)] + shares
         begin = 0.0
         for share in shares:
             end = share == 1.0
-            depth = leg.end if end else leg.start + share * travel
-            duration = (share - begin) * leg.duration if timeless else leg.duration / count
-            releases = leg.releases if end else ()
-            yield TimeStep(time + share * leg.duration, depth, duration, releases)
+            depth = stage.end if end else stage.start + share * travel
+            duration = (
+                (share - begin) * stage.duration if rate_independent else stage.duration / count
+            )
+            releases = stage.releases if end else ()
+            yield TimeStep(time + share * stage.duration, depth, duration, releases)
             begin = share
-        time += leg.duration
+        time += stage.duration
         following = travels[number + 1] if number + 1 < len(travels) else 0.0
         stopped = travel * following <= 0.0

@@ -36,47 +36,50 @@ from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Scene
 
 STICK_TOLERANCE = 1e-9
-"""Backward motion of the needle against a shaft point that ends the march, m."""
+"""Backward slip of a contact segment above which path following ends, m."""
 AT_DEPTH = 1e-12
-"""Distance from the requested depth at which it is reached, m."""
+"""Tolerance of the requested depth, m."""
 ENOUGH = 1e-3
-"""Lateral error of a step tried for the requested depth, over what is left to it."""
+"""Lateral tolerance of a trial step to the requested depth, over the remaining depth."""
 CREATED = 5e-10
-"""Energy that friction or the tip may give in a step, over the turnover, before the march ends."""
+"""Energy that friction or the tip may add in a step, over the total absolute work; path following
+ends before a step that adds more."""
 FROM_PUNCTURE = 2
-"""States up to that in which the skin is cut."""
+"""Number of states up to the puncture."""
 LITTLE = 0.25
-"""Depth gained in a step, over that of the step before, below which a maximum is looked for."""
+"""Depth gained in a step, over that of the step before, below which a limit point is searched."""
 PEAK = 1e-6
-"""Part of a step to which it is found; there depth may have a kink, at an interface."""
+"""Tolerance of a limit point, relative to the step. At an interface the depth may have a kink."""
 SURE = 0.95
-"""Part of a whole step below which the last one is predicted to be shorter."""
+"""Predicted length of the last step, over that of a full segment, below which it is used."""
 STEADY = 0.5
-"""Depth gained over length in a predicted last step, over that of the step before, at least."""
+"""Smallest depth per length in a predicted last step, over that of the step before."""
 HALVINGS = 6
-"""Of a step that would leave the tissue, before the tip is at the surface."""
+"""Largest number of halvings of a step that would leave the tissue."""
 
 T = TypeVar("T", float, Floats)
 
 
 class _StopError(Exception):
+    """End of path following with a status."""
+
     def __init__(self, status: Status, sentence: str) -> None:
         self.outcome = Outcome(status, sentence)
 
 
 class _PreviousStep(NamedTuple):
-    """What the check of the next step needs of the newest state.
+    """Data of the last state for the check of the next step.
 
     Parameters
     ----------
-    path : array, shape (pieces * dim,), N (N/m in 2D)
+    path : array, shape (nsegments * dim,), N (N/m in 2D)
         Forces on the path.
     tip : ContactTrial
-        Of the tip's kernel, its first functional, in that state.
-    at_tip : array, shape (pieces * dim,), m/N
-        Axial displacement of this functional for unit forces on the path's pieces.
+        Its first functional is the tip kernel of the state.
+    at_tip : array, shape (nsegments * dim,), m/N
+        Axial displacement of this functional under unit forces on the contact segments.
     tip_moved : float, m
-        The same under all forces of the state.
+        Axial displacement of this functional under all forces of the state.
     """
 
     path: Floats
@@ -91,17 +94,17 @@ class PathFollowing:
     Parameters
     ----------
     instrument : NeedleInterface
-        The needle on its line.
+        The needle on its axis.
     responses : ComplianceOperator
-        Of K; shared by all marches in the same tissue.
+        Compliances of the stiffness matrix, shared by all insertions into the same tissue.
     max_depth : float, m
-        Where it ends.
+        Requested depth.
     within : bool
-        Whether it ends with the last whole piece before, without the part of a piece that is left.
+        Whether the insertion ends with the last full segment before the requested depth.
     speed : float, m/s
-        Of the needle, which says no more than when states are reached.
-    guide : WarmStart, optional
-        What is known from a march nearby.
+        Speed of the needle. It only determines the times of the states.
+    warm_start : WarmStart, optional
+        Initial values from an insertion with a nearby entry.
 
     Attributes
     ----------
@@ -117,21 +120,21 @@ class PathFollowing:
         *,
         within: bool = False,
         speed: float = np.inf,
-        guide: WarmStart | None = None,
+        warm_start: WarmStart | None = None,
     ) -> None:
         self.instrument, self.max_depth, self.within = instrument, max_depth, within
         self._speed = speed
         self.contact = CondensedContact(responses, instrument.axis.frame)
         self.outcome = Outcome(Status.STOPPED, "ended before the requested depth")
-        self.snaps: list[Rupture] = []
-        self._solver = TipSolver(instrument, self.contact, guide)
+        self.ruptures: list[Rupture] = []
+        self._solver = TipSolver(instrument, self.contact, warm_start)
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
         self._before: _PreviousStep | None = None
         self._inside: Vector | None = None
         self.states: list[State] = []
 
     def iterate(self) -> Iterator[State]:
-        """Yield the states one by one; stop early by not asking for more."""
+        """Yield the states one by one. The insertion stops if no further state is requested."""
         try:
             yield from self._states_to_depth()
             reached = f"reached {100.0 * self.states[-1].depth:.4g} cm"
@@ -147,15 +150,15 @@ class PathFollowing:
             self.outcome = LeftTissueError(last.tip, last.depth).outcome
 
     def result(self, scene: Scene, model: TissueModel) -> Insertion:
-        """Return the insertion, as far as it went, of a scene in its tissue."""
+        """Return the insertion with all states so far."""
         return Insertion(
             scene=scene,
             model=model,
             instrument=self.instrument,
             outcome=self.outcome,
             states=tuple(self.states),
-            pieces=tuple(self.contact.pieces),
-            ruptures=tuple(self.snaps),
+            segments=tuple(self.contact.segments),
+            ruptures=tuple(self.ruptures),
             contact_solves=self._solver.evaluations,
         )
 
@@ -172,23 +175,23 @@ class PathFollowing:
             if highest.depth > self.max_depth + AT_DEPTH:
                 if self.within:
                     return
-                yield self._accept(self._at_max_depth(highest), guide=highest)
+                yield self._accept(self._at_max_depth(highest), warm_start=highest)
             elif peak is not None or step.depth <= self.states[-1].depth:
                 yield from self._rupture(peak)
             else:
                 yield self._accept(step)
 
     def _may_fall(self, step: TipSolution) -> bool:
-        """Say whether the depth may have a maximum within a step: it gains little, or less."""
+        """Say whether the depth may have a maximum within a step: the step gains little depth."""
         *_, before, last = self.states
         gained = last.depth - before.depth if len(self.states) > FROM_PUNCTURE else 0.0
         return step.depth - last.depth <= LITTLE * gained
 
     def _predicted_end(self) -> TipSolution | None:
-        """Return the step to the requested depth where the step before says how long it will be.
+        """Return the step to the requested depth, if the last step predicts its length.
 
-        None where the next step may be whole, or where the depth does not go on as it did: then
-        the whole step is looked at first.
+        None if the next segment may be a full one, or if the depth grows less than in the last
+        step. Then a step over a full segment is tried first.
         """
         if len(self.states) <= FROM_PUNCTURE:
             return None
@@ -215,16 +218,16 @@ class PathFollowing:
         return float(np.linalg.norm(step.tip - self.states[-1].tip))
 
     def _next(self, depth: float | None = None) -> TipSolution:
-        """Return the step over the next piece, or over a part of it that is in the tissue.
+        """Return the step over the next segment, or over a part of it that is in the tissue.
 
-        A part is tried as well where no equilibrium is found for the whole.
+        A part is also tried if no equilibrium is found for the full segment.
         """
         last, length = self.states[-1], self.instrument.spacing
         for number in range(HALVINGS + 1):
             try:
                 step = self._solve(length, depth)
                 self._check_inside(step.tip, step.depth)
-            except OutsideError:  # so is all of the tip
+            except OutsideError:  # the whole tip kernel is outside of the tissue
                 if number == HALVINGS:
                     ahead = last.tip + length * self.instrument.axis.direction
                     self._check_inside(ahead, last.depth)
@@ -238,7 +241,7 @@ class PathFollowing:
         return step
 
     def _check_inside(self, tip: Vector, depth: float) -> None:
-        """Raise a `LeftTissueError` if the tip leaves the tissue on its way to a point."""
+        """Raise a `LeftTissueError` if the tip crosses the surface on the line to a point."""
         if tip is self._inside:
             return
         last = self.states[-1]
@@ -249,11 +252,11 @@ class PathFollowing:
         self._inside = tip
 
     def _at_max_depth(self, beyond: TipSolution) -> TipSolution:
-        """Return the step to the requested depth, a part of one that goes beyond it.
+        """Return the step to the requested depth: a part of a step that ends beyond it.
 
-        Its length is found by inverse interpolation through the last three lengths tried, within
-        brackets. The direction to begin with is interpolated between those found; far from the
-        depth the lateral equation is solved no more precisely than that calls for.
+        Its length is found by inverse interpolation through the last three trial lengths, within
+        brackets. The initial slope is interpolated between those of the trials. Far from the
+        requested depth the lateral equation is solved with a larger tolerance.
         """
         last, goal = self.states[-1], self.max_depth
         low, high = 0.0, self._length(beyond)
@@ -284,7 +287,7 @@ class PathFollowing:
         return state
 
     def _puncture(self) -> Iterator[State]:
-        """Press on the entry point until the tip's force is that of cutting."""
+        """Load the entry point until the tip force equals the cutting force."""
         axis = self.instrument.axis
         weights = self.instrument.tip(axis.entry)
         trial = self.contact.trial(weights)
@@ -293,16 +296,16 @@ class PathFollowing:
         depth = limit * float(trial.bare[0, 0] + trial.bare[0, 1:] @ lateral)
         reached = min(1.0, self.max_depth / depth)
         for share in (0.0, reached):
-            held = state_at_entry(axis.entry, weights, limit, lateral)
-            pressed = dataclasses.replace(
-                held,
+            cut_state = state_at_entry(axis.entry, weights, limit, lateral)
+            loaded = dataclasses.replace(
+                cut_state,
                 depth=share * depth,
                 time=share * depth / self._speed,
                 tip_force=share * limit,
-                tip_lateral=share * held.tip_lateral,
+                tip_lateral=share * cut_state.tip_lateral,
                 tip_phase=TipPhase.CUTTING if share == 1.0 else TipPhase.LOADING,
             )
-            yield self._keep(pressed)
+            yield self._keep(loaded)
         if reached < 1.0:
             largest = f"the largest depth, {100.0 * self.max_depth:.4g} cm"
             sentence = f"the skin is cut at {100.0 * depth:.4g} cm, beyond {largest}"
@@ -323,12 +326,12 @@ class PathFollowing:
         step: TipSolution,
         *,
         phase: TipPhase = TipPhase.CUTTING,
-        guide: TipSolution | None = None,
+        warm_start: TipSolution | None = None,
     ) -> State:
-        """Make the step's piece part of the path and keep the state.
+        """Append the segment of a step to the path, and store the state.
 
-        What the next march begins this step with is another step's where one is given: of the
-        whole piece that the last step is a part of.
+        The next insertion takes its initial values from `warm_start` instead of the step, if given:
+        from the full step of which `step` is a part.
         """
         self._check_inside(step.tip, step.depth)
         if abs(step.depth - self.max_depth) <= AT_DEPTH:
@@ -337,7 +340,7 @@ class PathFollowing:
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._before = self._checked(step, forces, lateral, moved)
-        self._solver.follow(guide or step)
+        self._solver.follow(warm_start or step)
         self.contact.append_segment(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(
@@ -365,23 +368,25 @@ class PathFollowing:
     def _checked(
         self, step: TipSolution, forces: Floats, lateral: Floats, moved: Floats
     ) -> _PreviousStep:
-        """End the march where a point of the shaft, or the new piece, does not slip forward.
+        """Check that all contact segments slip forward, and that contact adds no energy in a step.
 
-        Slip is the needle's travel less the tissue's. The new piece is in the tissue ahead of the
-        tip before the step. The march ends as well before a step in which friction or the tip
-        would give energy: the tissue at the tip is so strained that it goes ahead of it.
+        Slip is the travel of the needle minus the displacement of the tissue. Before the step, the
+        material of the new segment is ahead of the tip. Path following also ends before a step in
+        which friction or the tip would add energy: strained tissue at the tip then moves faster.
 
         Parameters
         ----------
         step : TipSolution
-        forces, lateral : array, shape (2 dim,) and (pieces, dim - 1), N (N/m in 2D)
-            On the tip and the new piece, and on the path before that, after the step.
-        moved : array, shape (pieces + 2, dim), m
-            Displacement of the pieces, the tip and the new piece after it.
+        forces : array, shape (2 dim,), N (N/m in 2D)
+            Forces on the tip kernel and the new segment after the step.
+        lateral : array, shape (nsegments, dim - 1), N (N/m in 2D)
+            Lateral forces on the segments before the new one after the step.
+        moved : array, shape (nsegments + 2, dim), m
+            Displacement of the segments, the tip kernel and the new segment after the step.
 
         Returns
         -------
-        What the check of the next step needs.
+        The data for the check of the next step.
         """
         last, known, trial = self.states[-1], self._before, step.trial
         assert known is not None
@@ -411,15 +416,15 @@ class PathFollowing:
         return _PreviousStep(flat, trial, at_tip, tip_moved)
 
     def _check_energy(self, step: TipSolution, friction: float, old: float, new: float) -> None:
-        """End the march where friction, cutting or a snap would give energy in a step.
+        """Raise a `_StopError` if friction, cutting or a rupture adds energy in a step.
 
         Parameters
         ----------
         step : TipSolution
         friction : float, J (J/m in 2D)
-            What friction takes.
+            Energy dissipated by friction.
         old, new : float, m
-            The needle's way past the material at the tip before and after the step.
+            Travel of the needle relative to the material at the tip, before and after the step.
         """
         last = self.states[-1]
         cutting = 0.5 * (last.cutting_force * old + step.cutting_force * new)
@@ -427,16 +432,16 @@ class PathFollowing:
         least = min(friction, cutting, excess, friction + cutting + excess)
         force = np.array([state.force for state in self.states])
         travel = np.diff([state.depth for state in self.states])
-        turnover = 0.5 * float((force[1:] + force[:-1]) @ np.abs(travel))
-        if least < -CREATED * turnover:
+        total_absolute_work = 0.5 * float((force[1:] + force[:-1]) @ np.abs(travel))
+        if least < -CREATED * total_absolute_work:
             raise _StopError(
                 Status.STICK_DETECTED,
-                f"at depth {100.0 * step.depth:.4g} cm the tissue goes ahead of the tip that cuts "
-                "it; path following ends there",
+                f"at depth {100.0 * step.depth:.4g} cm the tissue moves faster than the tip that "
+                "cuts it; path following ends there",
             )
 
     def _rupture(self, peak: TipSolution | None) -> Iterator[State]:
-        """Go on from where depth would fall back: at fixed depth, until the tip holds again."""
+        """Advance the tip at fixed depth from a limit point to the arrest."""
         if peak is not None:
             yield self._accept(peak)
         first, depth = len(self.states) - 1, self.states[-1].depth
@@ -444,9 +449,9 @@ class PathFollowing:
         while step.excess > 0.0:
             yield self._accept(step, phase=TipPhase.RUPTURE)
             step = self._next(depth)
-        landing = _root(lambda length: self._solve(length, depth), self._length(step))
-        state = self._accept(landing)
-        self.snaps.append(Rupture(depth, first, len(self.states) - 1))
+        arrest = _root(lambda length: self._solve(length, depth), self._length(step))
+        state = self._accept(arrest)
+        self.ruptures.append(Rupture(depth, first, len(self.states) - 1))
         yield state
 
     # Kernel: limit point of the depth over the path's length, where a rupture begins.
@@ -454,7 +459,7 @@ class PathFollowing:
     # s, l  depth and length of the cut path, m
     # Source: limit points in path following, E. Riks, Int. J. Solids Struct. 15 (1979) 529.
     def _limit_point(self, step: TipSolution) -> TipSolution | None:
-        """Return the step to the largest depth within a step, if that is beyond both its ends."""
+        """Return the step to the largest depth within a step; None if it is at an end."""
         low, high = 0.0, self._length(step)
         ratio, precise = 0.5 * (np.sqrt(5.0) - 1.0), PEAK * high
         lengths = [high - ratio * (high - low), low + ratio * (high - low)]
@@ -473,9 +478,9 @@ class PathFollowing:
 
 
 def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
-    """Return the value of the polynomial through points, (place, value), at a place.
+    """Return the value at a point of the polynomial through points, each (position, value).
 
-    NaN where two points have the same place.
+    NaN if two points have the same position.
     """
     parts = []
     for number, (place, value) in enumerate(points):
@@ -487,7 +492,7 @@ def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
 
 
 def _root(solve: Callable[[float], TipSolution], spacing: float) -> TipSolution:
-    """Return the step, of length up to `spacing`, in which the excess force is gone."""
+    """Return the step, not longer than `spacing`, that ends with the cutting force."""
     low, high = 1e-3 * spacing, spacing
     for _ in range(60):
         step = solve(0.5 * (low + high))

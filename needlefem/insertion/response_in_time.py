@@ -1,6 +1,7 @@
 """Responses of tissue that depends on time: viscoelastic tissue, and tissue with inertia.
 
-The operator of a step depends on its duration. The operators of the latest durations are kept.
+The operator of a step depends on its duration. The factorised operators of the last few
+durations are kept.
 """
 
 import dataclasses
@@ -36,32 +37,39 @@ Key = TypeVar("Key")
 Value = TypeVar("Value")
 
 MOST = 8
-"""Operators kept: those of the motion's legs, and of some halvings of their steps."""
+"""Largest number of factorised operators: those of the stages of a motion and of halved steps."""
 
 
 class LeastRecentlyUsed(Generic[Key, Value]):
-    """A few values by their key; the one not asked for longest goes first."""
+    """A cache of a few values; the least recently used one is removed first."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[Key, Value] = OrderedDict()
+        self._values: OrderedDict[Key, Value] = OrderedDict()
 
     def get(self, key: Key, make: Callable[[], Value]) -> Value:
-        """Return the value of a key, made if it is not there."""
-        if key not in self._kept:
-            self._kept[key] = make()
-            if len(self._kept) > MOST:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        return self._kept[key]
+        """Return the value of a key, and compute it if it is not in the cache."""
+        if key not in self._values:
+            self._values[key] = make()
+            if len(self._values) > MOST:
+                self._values.popitem(last=False)
+        self._values.move_to_end(key)
+        return self._values[key]
 
 
-# Viscoelastic tissue.
+# Viscoelastic tissue without inertia.
 
 
 class ViscoelasticResponse:
-    """Equilibrium at the end of every step, with the memory of branches; see `TissueResponse`."""
+    """Equilibrium at the end of each step, with Maxwell branches; see `TissueResponse`.
 
-    timeless, inertial = False, False
+    Parameters
+    ----------
+    model : TissueModel
+    expected : ExpectedLoads, optional
+        Used to choose the method that computes compliances.
+    """
+
+    rate_independent, has_inertia = False, False
 
     def __init__(self, model: TissueModel, expected: ExpectedLoads | None = None) -> None:
         self.model, self.system, self._expected = model, TissueSystem(model), expected
@@ -73,13 +81,13 @@ class ViscoelasticResponse:
         )
         self._energies: dict[str, float] = {}
         self._forces = np.zeros(self.system.size)
-        self.background: Floats | None = None
+        self.free_displacement: Floats | None = None
         self.responses: ComplianceOperator
 
     def begin(self, duration: float) -> None:
         """See `TissueResponse`."""
         if duration <= 0.0:
-            raise SimulationError("viscoelastic tissue takes steps that last")
+            raise SimulationError("viscoelastic tissue requires time steps with a duration above 0")
         key = float(np.format_float_scientific(duration, precision=9))
         self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
         if self._motion is None:
@@ -87,13 +95,13 @@ class ViscoelasticResponse:
             self._motion = self._stepper.start(rest, rest)
         self._start, self._ended = self._motion, False
         self._free = self._stepper.free_displacement(self._motion)
-        self.background = self.system.nodal(self._free)
+        self.free_displacement = self.system.nodal(self._free)
 
     def _ready(self, duration: float) -> tuple[StaticStepper, ComplianceOperator]:
         stepper = StaticStepper(self.system, duration)
         return stepper, responses_of(self.model, stepper.factor, self._expected)
 
-    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
+    def inertial_drift(self, segments: Sequence[ContactSegment], direction: Vector) -> None:
         """See `TissueResponse`."""
 
     def finish(self, load: Floats) -> None:
@@ -101,10 +109,10 @@ class ViscoelasticResponse:
         assert self._motion is not None
         force = self.model.unknowns(load)
         new = self._stepper.advance(self._start, self._free + self._stepper.factor.solve(force))
-        ledger = TissueEnergyBalance(self._stepper)
-        ledger.add(self._motion, new, self._forces, force, at_once=self._ended)
+        increment = TissueEnergyBalance(self._stepper)
+        increment.add(self._motion, new, self._forces, force, at_once=self._ended)
         for name in ("strain", "stored", "relaxation"):
-            self._energies[name] = self._energies.get(name, 0.0) + getattr(ledger, name)
+            self._energies[name] = self._energies.get(name, 0.0) + getattr(increment, name)
         self._motion, self._forces, self._ended = new, force, True
 
     def energies(self) -> dict[str, float]:
@@ -115,33 +123,34 @@ class ViscoelasticResponse:
 # Tissue with inertia and damping.
 #
 # Needle forces are those at the end of a step. A sticking point has the velocity of the needle
-# there: over the step it moves with the mean of its old velocity and that of the needle. A point
-# that starts to stick is therefore half a step behind, and then moves with the needle without
-# oscillation. The tip on its material point and the lateral constraint prescribe displacements;
-# the integrator has to damp the oscillations that follow.
+# there: over the step it moves with the mean of its old velocity and the needle's velocity. In the
+# step in which a point begins to stick it is therefore displaced less than the needle. Afterwards
+# it moves with the needle without oscillation. A tip that loads the crack front, and the lateral
+# constraint, prescribe displacements; the integrator has to damp the oscillations that follow.
 
 
 RINGS = 1.0 - 1e-9
-"""Spectral radius from which on motion under a bound displacement does not come to rest."""
+"""Spectral radius above which oscillations under a prescribed displacement do not decay."""
 GROWN = 1.5
-"""Step over the one before it from which on accelerations are not kept."""
+"""Ratio of a step to the step before it above which the accelerations are set to zero."""
 TERMS = ("strain", "stored", "relaxation", "kinetic", "damping", "algorithmic")
 
 
 class Implicit(Protocol):
-    """An integrator of the generalised-alpha family."""
+    """An integrator of the generalized-alpha family."""
 
     def stepper(self, system: TissueSystem, step: float) -> ImplicitStepper:
-        """Return it ready for a system and a step, s."""
+        """Return the integrator for a system and a step duration, s."""
         ...
 
 
 def bound_radius(weights: AlphaParameters) -> float:
-    """Return by what velocity and acceleration shrink a step where the displacement is given.
+    """Return the spectral radius of a step for a degree of freedom with prescribed displacement.
 
-    The larger eigenvalue of their recursion, ``v1 = (1 - g/b) v0 + (1 - g/2b) dt a0`` and
-    ``dt a1 = -v0/b + (1 - 1/2b) dt a0`` with ``b = beta``, ``g = gamma``. Average acceleration has
-    -1 twice, with a single eigenvector: its acceleration grows.
+    It is that of the recursion of velocity and acceleration,
+    ``v1 = (1 - g/b) v0 + (1 - g/2b) dt a0`` and ``dt a1 = -v0/b + (1 - 1/2b) dt a0`` with
+    ``b = beta``, ``g = gamma``. Average acceleration has the double eigenvalue -1 with a single
+    eigenvector, so that the acceleration grows.
     """
     beta, gamma = weights.beta, weights.gamma
     recursion = np.array([
@@ -152,7 +161,10 @@ def bound_radius(weights: AlphaParameters) -> float:
 
 
 class _Scaled:
-    """A factorised operator of which a force acts with a share; see `Factor`."""
+    """A factorised operator whose right-hand side is scaled; see `Factor`.
+
+    The factor is the share of the force at the end of the step in the equation of motion.
+    """
 
     def __init__(self, stepper: ImplicitStepper) -> None:
         self._factor, self._share = stepper.factor, 1.0 - stepper.weights.force
@@ -163,23 +175,25 @@ class _Scaled:
 
 
 class DynamicResponse:
-    """A tissue with inertia; see `TissueResponse`.
+    """Response of tissue with inertia; see `TissueResponse`.
 
     Parameters
     ----------
     system : TissueSystem
     integrator : Implicit
     expected : ExpectedLoads, optional
+        Used to choose the method that computes compliances.
     refuse_ringing : bool
-        Whether an integrator that does not damp bound displacements is an error.
+        Whether an integrator that does not damp oscillations under prescribed displacements is an
+        error.
 
     Attributes
     ----------
     motion : KinematicState
-        At the last step's end.
+        Displacement, velocity and acceleration at the end of the last step.
     """
 
-    timeless, inertial = False, True
+    rate_independent, has_inertia = False, True
 
     def __init__(
         self,
@@ -195,42 +209,47 @@ class DynamicResponse:
             LeastRecentlyUsed()
         )
         self._energies = dict.fromkeys(TERMS, 0.0)
-        self._forces, self._pace = np.zeros((2, system.size))
+        self._forces, self._mean_velocity = np.zeros((2, system.size))
         self.motion: KinematicState | None = None
         self._start: KinematicState
-        self.background: Floats | None = None
-        self._loose: list[float] = []
+        self.free_displacement: Floats | None = None
+        self._inverse_masses: list[float] = []
         self._past = np.inf
         self.responses: ComplianceOperator
 
     def begin(self, duration: float) -> None:
         """See `TissueResponse`."""
         if duration <= 0.0:
-            raise SimulationError("tissue with inertia takes steps that last")
+            raise SimulationError("tissue with inertia requires time steps with a duration above 0")
         key = float(np.format_float_scientific(duration, precision=9))
         self._stepper, self.responses = self._steppers.get(key, lambda: self._ready(duration))
         if self.motion is None:
             self.motion = self._stepper.at_rest()
         self._start = self.motion
-        if duration > GROWN * self._past:  # what short steps resolved, long ones would amplify
+        # a long step would amplify the accelerations of oscillations that short steps resolve
+        if duration > GROWN * self._past:
             self._start = dataclasses.replace(self.motion, a=np.zeros_like(self.motion.a))
         share = self._stepper.weights.force
         carried = share * self._forces if share else None
         self._free = self._stepper.free_displacement(self._start, carried)
-        self.background = self.system.nodal(self._free)
+        self.free_displacement = self.system.nodal(self._free)
 
-    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats:
+    def inertial_drift(self, segments: Sequence[ContactSegment], direction: Vector) -> Floats:
         """See `TissueResponse`."""
         half, weights = 0.5 * self._stepper.step, self._stepper.weights
-        fields = [self.system.nodal(half * v) @ direction for v in (self._start.v, self._pace)]
-        ways = [[piece.weights @ field[piece.nodes] for piece in pieces] for field in fields]
-        for piece in pieces[len(self._loose) :]:
+        velocities = (self._start.v, self._mean_velocity)
+        fields = [self.system.nodal(half * v) @ direction for v in velocities]
+        drifts = [
+            [segment.weights @ field[segment.nodes] for segment in segments] for field in fields
+        ]
+        for segment in segments[len(self._inverse_masses) :]:
             load = np.zeros((self.model.nnodes, self.model.dim))
-            load[piece.nodes] = piece.weights[:, None] * direction
+            load[segment.nodes] = segment.weights[:, None] * direction
             force = self.model.unknowns(self.model.dof_vector(load))
-            self._loose.append(float(force @ self._mass.solve(force)))
+            self._inverse_masses.append(float(force @ self._mass.solve(force)))
         inertia = weights.beta * self._stepper.step**2 / (1.0 - weights.mass)
-        return np.array([*ways, (1.0 - weights.force) * inertia * np.array(self._loose)])
+        scaled = (1.0 - weights.force) * inertia * np.array(self._inverse_masses)
+        return np.array([*drifts, scaled])
 
     @cached_property
     def _mass(self) -> Factor:
@@ -241,8 +260,8 @@ class DynamicResponse:
         if self._refuse and bound_radius(stepper.weights) >= RINGS:
             raise CaseError(
                 "discretization.integrator",
-                "average acceleration rings for ever where a needle binds the tissue",
-                "take newmark_gamma above 0.5, or generalised-alpha with rho_inf below 1",
+                "with average acceleration, oscillations of the constrained tissue do not decay",
+                "take newmark_gamma above 0.5, or generalized_alpha with rho_inf below 1",
             )
         return stepper, responses_of(self.model, _Scaled(stepper), self._expected)
 
@@ -250,11 +269,11 @@ class DynamicResponse:
         """See `TissueResponse`."""
         stepper, old, force = self._stepper, self._start, self.model.unknowns(load)
         self.motion = stepper.advance(old, self._free + _Scaled(stepper).solve(force))
-        self._pace, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
-        ledger = TissueEnergyBalance(stepper)
-        ledger.add(old, self.motion, self._forces, force)
+        self._mean_velocity, self._past = (self.motion.u - old.u) / stepper.step, stepper.step
+        increment = TissueEnergyBalance(stepper)
+        increment.add(old, self.motion, self._forces, force)
         for name in TERMS:
-            self._energies[name] += getattr(ledger, name)
+            self._energies[name] += getattr(increment, name)
         self._forces = force
 
     def energies(self) -> dict[str, float]:
@@ -265,12 +284,12 @@ class DynamicResponse:
 def dynamic_response(
     scene: Scene, model: TissueModel, expected: ExpectedLoads | None = None
 ) -> DynamicResponse:
-    """Return the tissue of a resolved scene, in time as its discretisation says.
+    """Return the response of the tissue with inertia of a resolved scene.
 
     Raises
     ------
     CaseError
-        The mass can't be lumped so, or the tissue has none.
+        The mass matrix cannot be lumped as the scene requires, or the tissue has no mass.
     """
     numbers = scene.discretization
     lumping = None if numbers.mass_matrix == "consistent" else numbers.mass_matrix
@@ -282,88 +301,89 @@ def dynamic_response(
     return DynamicResponse(system, chosen, expected)
 
 
-def damping_of(said: Rayleigh) -> Damping:
-    """Return the damping that a case asks for."""
-    pairs = (said.frequencies, said.ratios)
+def damping_of(rayleigh: Rayleigh) -> Damping:
+    """Return the damping that a scene prescribes by coefficients or by two damping ratios."""
+    pairs = (rayleigh.frequencies, rayleigh.ratios)
     if not any(pairs):
-        return Damping(mass_rate=said.mass_rate, stiffness_time=said.stiffness_time)
-    first, second = said.frequencies
-    return Damping.from_ratios((first, second), (said.ratios[0], said.ratios[1]))
+        return Damping(mass_rate=rayleigh.mass_rate, stiffness_time=rayleigh.stiffness_time)
+    first, second = rayleigh.frequencies
+    return Damping.from_ratios((first, second), (rayleigh.ratios[0], rayleigh.ratios[1]))
 
 
-# Displacement in states of an insertion that has ended. It does not follow from the forces of one
-# state: the steps of the insertion are repeated with the stored forces.
+# Displacement in states of an insertion that has ended. It depends on the states before: the steps
+# of the insertion are repeated with the stored forces.
 
 
 Steps = Iterator[tuple[float, Floats]]
-"""Durations, s, and the needle's forces at their ends, shape (ndofs,)."""
+"""Duration of each step, s, and the needle forces at its end, shape (ndofs,)."""
 SAME = 1e-6
-"""How far the tip's displacement may be off what the state says of it, over the largest one."""
+"""Tolerance of the tip displacement of a repeated step, relative to the largest displacement."""
 
 
-def _inertial(insertion: Insertion) -> bool:
+def _has_inertia(insertion: Insertion) -> bool:
     return insertion.scene.discretization.integrator in DYNAMIC
 
 
-def gone_through(insertion: Insertion, numbers: Ints) -> Floats:
-    """Return the displacements in some states, shape (ndofs, n), m.
+def repeated_displacements(insertion: Insertion, numbers: Ints) -> Floats:
+    """Return the displacements in some states by repeating all steps, shape (ndofs, n), m.
 
     Parameters
     ----------
     insertion : Insertion
         With all of its states.
     numbers : array, shape (n,)
-        Of the states.
+        Numbers of the states.
 
     Raises
     ------
     SimulationError
-        States before are missing.
+        Earlier states of the insertion are missing.
     """
     model, frame = insertion.model, insertion.axis.frame
     states = insertion.states[: int(np.max(numbers)) + 1]
     times = np.array([state.time for state in states])
-    forces = (load(model, frame, state, insertion.pieces) for state in states[1:])
+    forces = (load(model, frame, state, insertion.segments) for state in states[1:])
     steps = ((float(d), f) for d, f in zip(np.diff(times), forces, strict=True))
-    moved = _swung(insertion, steps) if _inertial(insertion) else _crept(insertion, steps)
+    repeat = _dynamic_steps if _has_inertia(insertion) else _viscoelastic_steps
+    displacements = repeat(insertion, steps)
     found, now = np.zeros((model.ndofs, len(numbers))), np.zeros(len(model.free_dofs))
     for number, state in enumerate(states):
         if number:
-            now = next(moved)
-        asked = np.flatnonzero(numbers == number)
-        if asked.size:
-            found[:, asked] = model.dof_vectors(now)[:, None]
-            _compare(insertion, state, found[:, asked[0]])
+            now = next(displacements)
+        columns = np.flatnonzero(numbers == number)
+        if columns.size:
+            found[:, columns] = model.dof_vectors(now)[:, None]
+            _check_displacement(insertion, state, found[:, columns[0]])
     return found
 
 
-def _compare(insertion: Insertion, state: State, moved: Floats) -> None:
-    """Raise a `SimulationError` if a displacement is not that of a state."""
-    nodal = insertion.model.nodal(moved)
+def _check_displacement(insertion: Insertion, state: State, displacement: Floats) -> None:
+    """Raise a `SimulationError` if a displacement disagrees with that of the tip in a state."""
+    nodal = insertion.model.nodal(displacement)
     tip = LinearFunctionals(state.tip_nodes, state.tip_weights[None]).of(nodal)[0]
-    apart = abs(float(tip @ insertion.axis.direction) - state.tip_displacement)
-    if apart > SAME * max(float(np.abs(nodal).max()), abs(state.tip_displacement)):
+    error = abs(float(tip @ insertion.axis.direction) - state.tip_displacement)
+    if error > SAME * max(float(np.abs(nodal).max()), abs(state.tip_displacement)):
         raise SimulationError(
-            "the displacement of tissue that depends on time can't be found again: keep all "
+            "the displacement of tissue that depends on time cannot be computed again: keep all "
             "states of the insertion"
         )
 
 
-def _swung(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
-    """Yield what tissue with inertia does, shape (free dofs,), m."""
-    medium = dynamic_response(insertion.scene, insertion.model)
+def _dynamic_steps(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
+    """Yield the displacement of tissue with inertia after each step, shape (free dofs,), m."""
+    tissue_response = dynamic_response(insertion.scene, insertion.model)
     now = np.zeros(len(insertion.model.free_dofs))
     for duration, force in steps:
         if duration > 0.0:
-            medium.begin(duration)
-            medium.finish(force)
-            assert medium.motion is not None
-            now = medium.motion.u
+            tissue_response.begin(duration)
+            tissue_response.finish(force)
+            assert tissue_response.motion is not None
+            now = tissue_response.motion.u
         yield now
 
 
-def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
-    """Yield what tissue with a memory does, shape (free dofs,), m."""
+def _viscoelastic_steps(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
+    """Yield the displacement of viscoelastic tissue after each step, shape (free dofs,), m."""
     model, system = insertion.model, TissueSystem(insertion.model)
     start = motion = at_rest(system)
     steppers: LeastRecentlyUsed[str, StaticStepper] = LeastRecentlyUsed()
@@ -372,7 +392,7 @@ def _crept(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
         if duration > 0.0:
             start, step = motion, duration
             stepper = steppers.get(f"{step:.9e}", partial(StaticStepper, system, step))
-        if stepper is not None:  # forces that follow at the same time act from the same start on
+        if stepper is not None:  # forces at the same time act from the start of the same step
             free = model.unknowns(force)
             motion = stepper.step_under_load(start, free, free)
         yield motion.u

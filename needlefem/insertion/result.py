@@ -1,4 +1,4 @@
-"""The outcome of an insertion."""
+"""Result of an insertion: states, status, events, seeds and energies."""
 
 import dataclasses
 from enum import StrEnum
@@ -18,7 +18,7 @@ from needlefem.scene import Scene
 
 
 class Status(StrEnum):
-    """How an insertion ended."""
+    """How an insertion ended; `docs/json.md` describes each value."""
 
     COMPLETED = "completed"
     STOPPED = "stopped"
@@ -31,7 +31,7 @@ class Status(StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """A status with a sentence."""
+    """Status of an insertion, and a sentence for the user."""
 
     status: Status
     sentence: str
@@ -43,9 +43,9 @@ class LeftTissueError(SimulationError):
     Parameters
     ----------
     place : array, shape (dim,), m
-        Where, in the undeformed tissue.
+        Material point at which the tip reaches the surface.
     depth : float, m
-        Of the needle then.
+        Depth of the needle there.
     """
 
     def __init__(self, place: Vector, depth: float) -> None:
@@ -57,28 +57,29 @@ class LeftTissueError(SimulationError):
 
     @property
     def outcome(self) -> Outcome:
-        """The end of an insertion."""
+        """Status and sentence of an insertion that ends with this error."""
         return Outcome(Status.LEFT_TISSUE, str(self))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Event:
-    """Something that happens at a moment.
+    """An event of an insertion.
 
     Parameters
     ----------
     kind : str
-        ``puncture``, ``cutting`` (again), ``snap``, ``withdrawal``, ``return`` (to the crack
-        front), ``exit``, ``entry``, ``breakaway`` (the last piece that stuck slips), ``grip``
-        (the last that slipped sticks), ``release``.
+        ``puncture``; ``rupture``; ``retraction_start`` (the tip leaves the crack front);
+        ``recontact`` (the tip is at the crack front again); ``exit``; ``entry`` (into the existing
+        path); ``full_slip`` (the last segment that stuck begins to slip); ``full_stick`` (the last
+        segment that slipped begins to stick); ``release``.
     time : float, s
     depth : float, m
     point : array, shape (dim,), m
         Material point at the tip.
     energy : float, J (J/m in 2D)
-        What the step took that ends there: friction, cutting, snap.
+        Energy dissipated in the step that ends with the event, by friction, cutting or rupture.
     name : str
-        Of what was released.
+        Name of the seed that is released.
     """
 
     kind: str
@@ -91,21 +92,21 @@ class Event:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Seed:
-    """What the tip let go of: a seed, the place of a biopsy, an injection.
+    """A seed that the tip has released; also the place of a biopsy or an injection.
 
     Parameters
     ----------
     name : str
     time : float, s
     released_at : array, shape (dim,), m
-        Tip in the world.
+        Position of the tip in space.
     point : array, shape (dim,), m
-        Material point at the tip: where it comes to rest.
-    shortcut : array, shape (dim,), m
-        Material that was at the tip at the same depth on the way in: what one would take for it
-        without simulating the retraction.
+        Material point at the tip, at which the seed comes to rest.
+    elastic_prediction : array, shape (dim,), m
+        Material point that was at the tip at the same depth during the push. It is the rest
+        position of a seed in elastic tissue, without a simulation of the retraction.
     weights : LinearFunctionals
-        The mean displacement of what it lies in is ``weights.of(field)``.
+        The displacement of the seed is ``weights.of(field)``, the mean over the tip kernel.
     inside : bool
         Whether the tip was in the tissue.
     """
@@ -121,9 +122,13 @@ class Seed:
 
 @dataclasses.dataclass(frozen=True)
 class Rupture:
-    """A stretch of material that the tip jumped over at one depth.
+    """An advance of the tip at a fixed depth.
 
-    `first` and `last` number the states before and after the jump.
+    Parameters
+    ----------
+    depth : float, m
+    first, last : int
+        Numbers of the states before and after the advance.
     """
 
     depth: float
@@ -135,13 +140,38 @@ class Rupture:
 class EnergyTerms:
     """Energies of an insertion from its first to its last state, J (J/m in 2D).
 
-    `identity` is the largest mismatch of any step between the change of strain energy and the
-    work of all forces on the tissue, relative to the needle's work. Motions that go back and
-    forth have more: `relaxation` is what viscous tissue takes, `turnover` the work of all steps
-    whatever its sign, `least` the least that friction, cutting or snaps took in a step. Tissue
-    with inertia has `kinetic` energy, viscous `damping`, and what the integrator takes
-    (`algorithmic`); what is lost as the needle catches a point that had another velocity is
-    `capture`. `contact` is nothing: the tip's force does no work over a gap to the crack front.
+    Parameters
+    ----------
+    work : float
+        Work on the needle.
+    strain : float
+        Change of the strain energy.
+    lateral_penalty_energy : float
+        Change of the energy stored in the lateral penalty (and in the tangential penalty).
+    friction, cutting, rupture : float
+        Energy dissipated by friction, by cutting, and by the tip force in excess of the cutting
+        force during ruptures.
+    contact_activation : float
+        Work of the lateral penalty on new segments. With inertia it contains the work of friction
+        on segments that begin to stick, whose velocity changes.
+    strain_energy_mismatch : float
+        Largest difference in a step between the change of the strain energy and the work of all
+        forces on the tissue, relative to `work`.
+    crack_front : float
+        Zero: the tip force does no work over a gap to the crack front.
+    viscoelastic : float
+        Energy dissipated in Maxwell branches.
+    kinetic : float
+        Kinetic energy of the tissue.
+    damping : float
+        Energy dissipated by Rayleigh damping.
+    algorithmic_dissipation : float
+        Energy dissipated by the time integrator.
+    total_absolute_work : float
+        Sum of the absolute work of all steps.
+    smallest_dissipation : float
+        Smallest energy that friction, cutting or rupture dissipated in a step; negative if one of
+        them added energy.
     """
 
     work: float
@@ -162,7 +192,7 @@ class EnergyTerms:
 
     @property
     def largest_energy_gain(self) -> float:
-        """The most that friction, cutting or snaps gave in a step, relative to the turnover."""
+        """Largest energy that contact added in a step, over the total absolute work."""
         return (
             max(-self.smallest_dissipation, 0.0) / self.total_absolute_work
             if self.total_absolute_work
@@ -171,8 +201,11 @@ class EnergyTerms:
 
     @property
     def residual(self) -> float:
-        """What is missing, relative to the needle's work (its turnover in any motion)."""
-        spent = (
+        """Residual of the energy balance, relative to the total absolute work.
+
+        Relative to the work on the needle where the total absolute work is not known.
+        """
+        total = (
             self.strain
             + self.lateral_penalty_energy
             + self.friction
@@ -180,7 +213,7 @@ class EnergyTerms:
             + self.rupture
             + self.contact_activation
         )
-        spent += (
+        total += (
             self.crack_front
             + self.viscoelastic
             + self.kinetic
@@ -188,36 +221,35 @@ class EnergyTerms:
             + self.algorithmic_dissipation
         )
         scale = self.total_absolute_work or abs(self.work)
-        return abs(self.work - spent) / scale if scale else 0.0
+        return abs(self.work - total) / scale if scale else 0.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Insertion:
-    """What happened while the needle was pushed in.
+    """One motion of the needle, and its result.
 
     Parameters
     ----------
     scene : Scene
-        Resolved.
+        Resolved scene.
     model : TissueModel
-        The tissue.
     instrument : NeedleInterface
-        The needle on its line.
+        The needle on its axis.
     outcome : Outcome
-        How it ended; the path so far is there whatever the status.
+        How the insertion ended. Any status can have states.
     states : tuple of State
-        From the first touch on.
-    pieces : tuple of ContactSegment
-        Of the cut path, in the order of their numbers in the states. The first is the held entry
-        point.
-    snaps : tuple of Rupture
-    evaluations : int
-        Contact evaluations spent.
+        All states from the first contact with the skin.
+    segments : tuple of ContactSegment
+        Contact segments of the cut path, in the order of the arrays of the states. The first one is
+        the entry point.
+    ruptures : tuple of Rupture
+    contact_solves : int
+        Number of contact problems that were solved.
     events : tuple of Event
     seeds : tuple of Seed
-        What was released on the way.
     energies : EnergyTerms, optional
-        Of a motion that was stepped; a march's is found by `insertion.ledger`.
+        Energies summed by time stepping. Those of path following are computed from the states
+        (`energy_balance.energy_terms`).
     """
 
     scene: Scene
@@ -225,7 +257,7 @@ class Insertion:
     instrument: NeedleInterface
     outcome: Outcome
     states: tuple[State, ...]
-    pieces: tuple[ContactSegment, ...]
+    segments: tuple[ContactSegment, ...]
     ruptures: tuple[Rupture, ...]
     contact_solves: int
     events: tuple[Event, ...] = ()
@@ -234,28 +266,36 @@ class Insertion:
 
     @property
     def axis(self) -> InsertionAxis:
-        """The needle's line."""
+        """The insertion axis."""
         return self.instrument.axis
 
     @cached_property
     def depths(self) -> Floats:
-        """Depth of every state, shape (nstates,), m."""
+        """Depth of each state, shape (nstates,), m."""
         return np.array([state.depth for state in self.states])
 
     @cached_property
     def tips(self) -> Points:
-        """Material point at the tip in every state, shape (nstates, dim), m."""
+        """Material point at the tip in each state, shape (nstates, dim), m."""
         return np.array([state.tip for state in self.states])
 
     @property
+    def rupture_warnings(self) -> list[str]:
+        """A sentence on the ruptures of the insertion; empty without ruptures."""
+        if not self.ruptures:
+            return []
+        count = "once" if len(self.ruptures) == 1 else f"{len(self.ruptures)} times"
+        return [f"the tip advances at a fixed depth (rupture) {count}"]
+
+    @property
     def puncture_depth(self) -> float | None:
-        """Depth at which the skin was cut, m, or None."""
+        """Depth of the puncture, m; None if the skin is not cut."""
         first = self.first_cut
         return None if first is None else self.states[first].depth
 
     @cached_property
     def first_cut(self) -> int | None:
-        """Number of the state in which the skin is cut, or None."""
+        """Number of the first state in which the skin is cut; None if it is not cut."""
         for number, state in enumerate(self.states):
             if len(state.friction_force) or state.tip_force >= state.cutting_force:
                 return number

@@ -1,4 +1,4 @@
-"""The data that all insertions in one scene share: tissue, compliances, and needles on any line."""
+"""The data that all insertions in one scene share: tissue, compliances, and needles on any axis."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -49,16 +49,16 @@ if TYPE_CHECKING:
 
 
 Stop = Callable[[State], bool]
-"""Says after every state whether the insertion may end."""
+"""Called after each state; says whether the insertion may stop."""
 Watch = Callable[[State], None]
-"""Sees every state, for progress."""
+"""Called after each state, to show progress."""
 
 
 CORRIDOR = 2.0
-"""Half-width of the corridor that needles are expected in, beside their heights, over the tip's
-radius: the needle's own and as much for the bend of its path."""
+"""Half-width of the corridor around the needle axes, over the tip radius: the radius of the needle,
+and as much for the lateral displacement of its path."""
 EXPECTED_INSERTIONS = 5
-"""Of a plan: what a search needs for the most part."""
+"""Typical number of insertions of a plan."""
 
 
 class Simulation:
@@ -67,18 +67,18 @@ class Simulation:
     Parameters
     ----------
     scene : Scene
-        As read; it is resolved here.
+        The scene as read; it is resolved here.
     model : TissueModel, optional
-        The scene's discretised tissue, when it is there already.
+        The discretized tissue of the scene, if it was built before.
     watch : callable, optional
-        Called with every state of every insertion.
+        Called with each state of each insertion.
     expected_insertions : int, optional
-        How many will be asked for; it decides how responses are computed, not what they are.
+        Expected number of insertions. It decides how compliances are computed, not their values.
 
     Raises
     ------
     CaseError
-        The scene can't be built, is too large for its limits, or has a law that is not linear.
+        The scene cannot be built, exceeds its limits, or has a nonlinear constitutive law.
     """
 
     def __init__(
@@ -100,17 +100,20 @@ class Simulation:
         self.direction: Vector = np.array(self.scene.motion.direction)
         self.insertions = 0
         self._checks: dict[tuple[float, ...], tuple[CheckResult, ...]] = {}
-        self._guide: WarmStart | None = None
+        self._warm_start: WarmStart | None = None
         self._sticking: Sticking | None = None
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: no responses, which are computed again, and no watcher."""
+        """Return the data to pickle: without `watch`, and without compliances.
+
+        Compliances are computed again after unpickling.
+        """
         return lasting_state(self) | {"_watch": None}
 
     def _refuse_wide_tip(self) -> None:
-        """Refuse a tip that is wider than the tissue: its force would act outside."""
+        """Raise a `CaseError` if the tip is wider than the tissue: its force would act outside."""
         radius, extents = self.scene.needle.tip_radius, np.ptp(self.model.mesh.p, axis=1)
         if 2.0 * radius > extents.min():
             problem = f"a tip of {2.0 * radius:g} m is wider than the tissue, {extents.min():g} m"
@@ -118,43 +121,43 @@ class Simulation:
 
     @property
     def reasons(self) -> dict[str, str]:
-        """Why all is as it is, with what was found once there were responses."""
+        """Reasons for all automatic choices, including those made together with the compliances."""
         found = dict(self.resolved.reasons)
         if "responses" in vars(self):
-            unknowns, known = len(self.model.free_dofs), self.responses
+            unknowns, responses = len(self.model.free_dofs), self.responses
             found["factorisation"] = f"{self.model.factor.name}: {unknowns} unknowns"
-            spent = f"{known.size} rows, {known.solves} back-substitutions"
-            found["responses"] = f"{known.way}: {spent}"
+            cost = f"{responses.size} rows, {responses.solves} back-substitutions"
+            found["responses"] = f"{responses.way}: {cost}"
         if self._sticking is not None and self._sticking.reason:
             found["tangential_penalty"] = self._sticking.reason
         return found
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user should know before believing a result."""
+        """Limitations of the results that the user should know."""
         found = self.resolved.warnings
         if self._sticking is None or not self._sticking.reason:
             return found
         chosen = f"needle.tangential_penalty is chosen: {self._sticking.reason}"
-        doubts = stick_warnings(self.scene)  # of rigid sticking
-        return (*(warning for warning in found if warning not in doubts), chosen)
+        rigid = stick_warnings(self.scene)  # they hold for rigid sticking only
+        return (*(warning for warning in found if warning not in rigid), chosen)
 
     @property
     def steps(self) -> bool:
-        """Whether the scene's motion needs time steps, beyond what a march can do."""
+        """Whether the motion of the scene may need time stepping."""
         motion = self.scene.motion
-        marched = self.scene.discretization.integrator == "path_following"
-        return not marched or bool(motion.stages or motion.times)
+        path_following = self.scene.discretization.integrator == "path_following"
+        return not path_following or bool(motion.stages or motion.times)
 
     def check(self, entry: Entry | None = None) -> tuple[CheckResult, ...]:
-        """Run the preflight: the checks that tissue and needle must pass before anything is done.
+        """Run the preflight: the checks that tissue and needle must pass before an insertion.
 
-        Its result is kept, and the factorisation that it needs is the insertions' own.
+        The result is stored. The insertions use the factorization that the checks computed.
 
         Parameters
         ----------
         entry : Entry, optional
-            Of the needle that is meant; the case's own when left out.
+            Entry of the needle; that of the case when left out.
 
         Raises
         ------
@@ -168,24 +171,30 @@ class Simulation:
         if key not in self._checks:
             doing("checking the mesh")
             checks = [*preflight(self.model), needle_resolution(self, entry)]
-            if self.steps:  # a march knows nothing that sticks
-                from needlefem.insertion.sticking import sticking_pieces  # noqa: PLC0415
+            if self.steps:  # nothing sticks in path following
+                from needlefem.insertion.sticking import sticking_segments  # noqa: PLC0415
 
-                checks.append(sticking_pieces(self.sticking(entry)))
+                checks.append(sticking_segments(self.sticking(entry)))
             refuse_failed(checks)
             self._checks[key] = tuple(checks)
         return self._checks[key]
 
     @cached_property
     def responses(self) -> ComplianceOperator:
-        """Responses of the tissue, shared by all insertions."""
+        """Compliances of the tissue, shared by all insertions."""
         return responses_of(self.model, expected=self._expected_loads())
 
     def _expected_loads(self, insertions: int | None = None) -> ExpectedLoads | None:
         """Return the corridor of the needles and the number of loads on one operator.
 
-        None if the scene has no entry. Insertions are those expected of the simulation when left
-        out; where inertia or a memory makes an operator for each length of a step, those of one.
+        None if the scene has no entry.
+
+        Parameters
+        ----------
+        insertions : int, optional
+            Number of insertions that use the operator; those expected of the simulation when left
+            out. In tissue that depends on time, each insertion and each duration of a step has its
+            own.
         """
         scene, corridor = self.scene, self._corridor
         if corridor is None:
@@ -200,7 +209,7 @@ class Simulation:
 
     @cached_property
     def _corridor(self) -> Corridor | None:
-        """Where needles are expected; None if the scene has no entry."""
+        """Corridor in which needles are expected; None if the scene has no entry."""
         scene = self.scene
         point = scene.motion.entry or scene.target
         if point is None:
@@ -214,13 +223,13 @@ class Simulation:
 
     @cached_property
     def cutting_force(self) -> Floats:
-        """Nodal field of the cutting force, shape (nnodes,), N (N/m in 2D)."""
+        """Nodal values of the cutting force, shape (nnodes,), N (N/m in 2D)."""
         own = {name: region.cutting_force for name, region in self.scene.regions.items()}
         return self._by_region(self.scene.needle.cutting_force, own)
 
     @cached_property
     def shaft_friction(self) -> Floats:
-        """Nodal field of the friction limit, shape (nnodes,), N/m (Pa in 2D)."""
+        """Nodal values of the shaft friction, shape (nnodes,), N/m (Pa in 2D)."""
         own = {name: region.shaft_friction for name, region in self.scene.regions.items()}
         return self._by_region(self.scene.needle.shaft_friction, own)
 
@@ -229,12 +238,12 @@ class Simulation:
         return self.model.per_node({BACKGROUND: common} | values)
 
     def entry_through(self, point: Vector) -> Entry:
-        """Return where a needle that aims at a point enters the skin.
+        """Return the entry of a needle whose axis goes through a point.
 
         Raises
         ------
         CaseError
-            Its line misses the tissue, or the skin there is held or too oblique.
+            The axis does not meet the tissue, or the skin there is supported or too oblique.
         """
         found = entry_along(self.model.mesh, point, self.direction)
         if found is None:
@@ -244,7 +253,7 @@ class Simulation:
         return found
 
     def entry_of_case(self) -> Entry:
-        """Return the case's own entry, or that of the line through its target."""
+        """Return the entry of the case, or that of the axis through its target."""
         if self.scene.motion.entry:
             point = np.array(self.scene.motion.entry)
             found = entry_at(self.model.mesh, point, self.direction)
@@ -257,19 +266,20 @@ class Simulation:
     def _check(self, entry: Entry) -> None:
         faces = {face for support in self.scene.supports.values() for face in support.faces}
         mesh = self.model.mesh
-        held = [mesh.boundaries[face] for face in sorted(faces)]
+        fixed = [mesh.boundaries[face] for face in sorted(faces)]
         for support in self.scene.supports.values():
-            held += [mesh.t2f[:, mesh.subdomains[name]].ravel() for name in support.regions]
-        facets = np.concatenate(held) if held else np.zeros(0, dtype=np.intp)
+            fixed += [mesh.t2f[:, mesh.subdomains[name]].ravel() for name in support.regions]
+        facets = np.concatenate(fixed) if fixed else np.zeros(0, dtype=np.intp)
         check_entry(entry, self.direction, facets)
 
     def reach(self, entry: Entry) -> float:
-        """Return the largest depth of the scene's motion, at most that at which its line leaves.
+        """Return the largest depth of the motion, limited to the depth at which the axis ends.
+
+        The axis ends where it leaves the tissue.
 
         Parameters
         ----------
         entry : Entry
-            Where the line enters the undeformed tissue.
         """
         depth = deepest(self.scene.motion)
         end = entry.point + depth * self.direction
@@ -277,12 +287,12 @@ class Simulation:
         return depth if share is None else share * depth
 
     def sticking(self, entry: Entry) -> "Sticking":
-        """Return how what sticks is held to the needle; found for the first entry asked for.
+        """Return the tangential penalty; it is determined for the first entry and then stored.
 
         Raises
         ------
         CaseError
-            The scene's own penalty is too stiff for the mesh.
+            The penalty of the scene is too stiff for the mesh.
         """
         from needlefem.insertion.sticking import sticking  # noqa: PLC0415
 
@@ -292,7 +302,7 @@ class Simulation:
         return self._sticking
 
     def friction(self, entry: Entry) -> "SlipWeakeningFriction":
-        """Return the friction law of a needle that is stepped in time."""
+        """Return the friction law for time stepping."""
         from needlefem.contact.friction import SlipWeakeningFriction  # noqa: PLC0415
 
         needle = self.scene.needle
@@ -302,7 +312,7 @@ class Simulation:
         )
 
     def instrument(self, entry: Entry) -> NeedleInterface:
-        """Return the needle on the line that starts at an entry."""
+        """Return the needle on the axis that begins at an entry."""
         needle, numbers = self.scene.needle, self.scene.discretization
         radius, points = needle.tip_radius, numbers.tip_quadrature_points
         kernel: Kernel = TipKernel(radius, points, entry.point, entry.inward)
@@ -324,10 +334,16 @@ class Simulation:
     def insert(
         self, entry: Entry, stop: Stop | None = None, *, max_depth: float | None = None
     ) -> Insertion:
-        """Push the needle in at an entry, to the largest depth or until `stop` says so.
+        """Push the needle to a depth, or until `stop` returns True.
 
-        Where a march nearby was the last, it begins with what that one learnt. The largest depth
-        is the motion's when left out (m).
+        If the last insertion had a nearby entry, its solution gives the initial values.
+
+        Parameters
+        ----------
+        entry : Entry
+        stop : callable, optional
+        max_depth : float, m, optional
+            The largest depth of the scene's motion when left out.
         """
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
         if max_depth is not None:
@@ -335,20 +351,27 @@ class Simulation:
         return self._run(self.insertion_run(entry, once), stop)
 
     def forget(self) -> None:
-        """Begin the next march without what the last one learnt."""
-        self._guide = None
+        """Start the next insertion without initial values from the last one."""
+        self._warm_start = None
 
     def move(self, entry: Entry) -> Insertion:
-        """Let the needle do at an entry all that the scene's motion says."""
+        """Simulate the complete motion of the scene from an entry."""
         return self._run(self.insertion_run(entry), None)
 
     def insertion_run(self, entry: Entry, motion: Motion | None = None) -> InsertionRun:
-        """Return a motion of the needle, the scene's when left out, ready to run."""
+        """Return a motion of the needle that is ready to run.
+
+        Parameters
+        ----------
+        entry : Entry
+        motion : Motion, optional
+            That of the scene when left out.
+        """
         needle, motion = self.instrument(entry), motion or self.scene.motion
-        guide = WarmStart(entry.point)
-        if self._guide is not None:
-            guide = self._guide.for_entry(entry.point, self.scene.needle.tip_radius)
-        self._guide = guide
+        warm_start = WarmStart(entry.point)
+        if self._warm_start is not None:
+            warm_start = self._warm_start.for_entry(entry.point, self.scene.needle.tip_radius)
+        self._warm_start = warm_start
         friction = partial(self.friction, entry)
         return InsertionRun(
             self.scene,
@@ -357,11 +380,11 @@ class Simulation:
             self._tissue_response(),
             self.model,
             friction=friction,
-            guide=guide,
+            warm_start=warm_start,
         )
 
     def _tissue_response(self) -> TissueResponse:
-        """Return the tissue in time; what has inertia or a memory is imported with it."""
+        """Return the response of the tissue; responses that depend on time are imported here."""
         if self.scene.discretization.integrator in DYNAMIC:
             from needlefem.insertion.response_in_time import dynamic_response  # noqa: PLC0415
 
@@ -372,11 +395,11 @@ class Simulation:
             return ViscoelasticResponse(self.model, self._expected_loads(1))
         return ElasticResponse(self.responses)
 
-    def _run(self, course: InsertionRun, stop: Stop | None) -> Insertion:
+    def _run(self, run: InsertionRun, stop: Stop | None) -> Insertion:
         states = []
         doing(f"insertion {self.insertions + 1}")
-        expect_steps(course.expected_steps)
-        for state in course.iterate():
+        expect_steps(run.expected_steps)
+        for state in run.iterate():
             states.append(state)
             if self._watch is not None:
                 self._watch(state)
@@ -384,11 +407,11 @@ class Simulation:
                 break
         self.insertions += 1
         expect_steps(0)
-        return course.result(tuple(states))
+        return run.result(tuple(states))
 
 
 def simulate(scene: Scene) -> Insertion:
-    """Move the needle of a scene; parameters, result, errors: those of `needlefem.simulate`."""
+    """Simulate the motion of a scene. Parameters, result and errors: see `needlefem.simulate`."""
     simulation = Simulation(scene, expected_insertions=1)
     simulation.check()
     return simulation.move(simulation.entry_of_case())
@@ -399,19 +422,19 @@ def simulate(scene: Scene) -> Insertion:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Discretised:
-    """A discretisation in the numbers that say how fine it is.
+    """Summary of a discretization.
 
     Parameters
     ----------
     element : str
     cells, unknowns : int
     smallest_cell, largest_cell : float, m
-        Side of a square, or leg of a right isosceles triangle, of a cell's area.
+        Cell sizes: side of the square, or leg of the right isosceles triangle, of the same area.
     cells_along_needle : float or None, m
-        Size of the largest cell on the needle's line; None if it meets none.
+        Size of the largest cell on the needle axis; None if the axis meets no cell.
     path_spacing : float, m
     tip_quadrature_points : int
-        Quadrature points of the tip's kernel.
+        Quadrature points of the tip kernel.
     integrator : str
     """
 
@@ -441,7 +464,7 @@ class Discretised:
 
 
 def discretised(simulation: Simulation, entry: Entry) -> Discretised:
-    """Return how fine a simulation's discretisation is, along a needle too."""
+    """Return the summary of a simulation's discretization, with the cell size along a needle."""
     model, numbers = simulation.model, simulation.scene.discretization
     sizes, along = cell_sizes(model.mesh), sizes_along(simulation, entry)
     return Discretised(

@@ -1,4 +1,4 @@
-"""The state of needle and tissue at one moment, and the displacement that belongs to it."""
+"""States of an insertion, and the displacement field of the tissue in a state."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -21,7 +21,12 @@ if TYPE_CHECKING:
 
 
 class TipPhase(StrEnum):
-    """What the tip does."""
+    """What the tip does in a state.
+
+    `LOADING`: the tip loads the crack front with less than the cutting force. `CUTTING`: the tip
+    extends the cut path. `RUPTURE`: the tip advances at a fixed depth. `RETRACTED`: the tip is
+    behind the crack front on its path. `OUTSIDE`: the needle is not in the tissue.
+    """
 
     LOADING = "loading"
     CUTTING = "cutting"
@@ -32,44 +37,44 @@ class TipPhase(StrEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class State:
-    """Needle and tissue in equilibrium at one depth, or with its tip in an advance at fixed depth.
+    """Equilibrium of needle and tissue at one depth, or a point of an advance at fixed depth.
 
-    Pieces are those of the path that the needle lies in, from the entry on.
+    The contact segments of a state are those of the inserted part of the cut path, from the entry
+    to the tip; their number is nsegments.
 
     Parameters
     ----------
     depth : float, m
-        Travel of the tip from the undeformed skin, s.
+        Distance of the tip from the undeformed skin along the axis, s.
     tip : array, shape (dim,), m
         Material point at the tip.
     tip_force : float, N (N/m in 2D)
         Axial force of the tip on the tissue, R.
     cutting_force : float, N (N/m in 2D)
-        What the tip would cut at there.
+        Axial force at which the tip cuts at this material point.
     tip_lateral : array, shape (dim - 1,), N (N/m in 2D)
-        Lateral force of the tip, which only a tip that holds its point has.
+        Lateral force of the tip. It is zero unless the tip loads the uncut skin.
     tip_nodes, tip_weights : arrays, shape (k,)
-        The kernel's mean displacement is ``tip_weights @ u[tip_nodes]``.
-    friction_force : array, shape (npieces,), N (N/m in 2D)
-        Friction force of the shaft on every piece of the path.
-    lateral_force : array, shape (npieces, dim - 1), N (N/m in 2D)
-        Lateral force of the shaft on every piece.
-    segment_displacement : array, shape (npieces, dim), m
-        Mean displacement of the pieces, in the needle's frame.
+        The mean displacement over the tip kernel is ``tip_weights @ u[tip_nodes]``.
+    friction_force : array, shape (nsegments,), N (N/m in 2D)
+        Friction force of the shaft on each contact segment.
+    lateral_force : array, shape (nsegments, dim - 1), N (N/m in 2D)
+        Lateral force of the shaft on each contact segment.
+    segment_displacement : array, shape (nsegments, dim), m
+        Mean displacement of each contact segment in the needle's frame.
     time : float, s
-        From the first touch on.
+        Time since the first contact with the skin.
     inserted_length : float, m
-        Length of the cut path that the needle lies in.
+        Length of the part of the cut path in which the needle is.
     partial_segment : ContactSegment, optional
-        The piece that the tip is in, which the needle fills in part: the last of the pieces.
-    slipping : array, shape (npieces,)
-        1: the needle slips forward in the piece, -1: backward, 0: they stick.
+        The last contact segment, if the needle fills only a part of it.
+    slipping : array, shape (nsegments,)
+        1: the needle slips forward relative to the segment, -1: backward, 0: the segment sticks.
     tip_phase : TipPhase
-        What the tip does: it presses on the crack front, cuts, or is drawn back on its path.
     tip_displacement : float, m
-        Axial mean displacement over the tip's kernel.
+        Mean axial displacement over the tip kernel.
     seeds : array, shape (nseeds, dim), m
-        Where everything released so far is in the world.
+        Present positions in space of all seeds that were released before.
     """
 
     depth: float
@@ -92,13 +97,13 @@ class State:
 
     @property
     def full_segments(self) -> int:
-        """Number of pieces that the needle fills."""
+        """Number of contact segments that the needle fills completely."""
         return len(self.friction_force) - (self.partial_segment is not None)
 
-    def filled(self, pieces: Sequence[ContactSegment]) -> tuple[ContactSegment, ...]:
-        """Return the pieces that the needle lies in, of those of the whole path."""
-        whole = tuple(pieces[: self.full_segments])
-        return whole if self.partial_segment is None else (*whole, self.partial_segment)
+    def filled(self, segments: Sequence[ContactSegment]) -> tuple[ContactSegment, ...]:
+        """Return the contact segments of this state, given those of the whole cut path."""
+        full = tuple(segments[: self.full_segments])
+        return full if self.partial_segment is None else (*full, self.partial_segment)
 
     @property
     def force(self) -> float:
@@ -106,11 +111,11 @@ class State:
         return self.tip_force + float(np.sum(self.friction_force))
 
 
-# Displacement of the tissue at one moment, evaluated where it is needed.
+# Displacement fields of a state, evaluated only for the functionals that are needed.
 
 
 class ZeroField:
-    """No displacement; see `Field`."""
+    """The displacement field of undeformed tissue; see `Field`."""
 
     def __init__(self, dim: int) -> None:
         self._dim = dim
@@ -121,42 +126,43 @@ class ZeroField:
 
 
 class ContactField:
-    """Displacement under the needle's forces of one moment; see `Field`.
+    """The displacement field under the needle forces of one state; see `Field`.
 
     Parameters
     ----------
     contact : CondensedContact
     path : array, shape (n,), N (N/m in 2D)
-        Forces on the first pieces, needle's frame, piece-major.
+        Forces on the first contact segments in the needle's frame, all components of a segment
+        next to each other.
     trial : ContactTrial, optional
-        Functionals on which there are forces as well.
+        Further functionals on which forces act: tip kernel and partial segment.
     forces : array, shape (rows,), N (N/m in 2D)
-        Forces on them.
+        Forces on these functionals.
     """
 
     def __init__(
         self, contact: CondensedContact, path: Floats, trial: ContactTrial | None, forces: Floats
     ) -> None:
         self._contact, self._path, self._trial, self._forces = contact, path, trial, forces
-        self._background = contact.background
+        self._free_displacement = contact.free_displacement
 
     def means(self, weights: LinearFunctionals) -> Floats:
         """See `Field`."""
-        moved = self._contact.field_at(weights.nodes, self._path, self._trial, self._forces)
-        if self._background is not None:
-            moved = moved + self._background[weights.nodes]
-        found: Floats = weights.rows @ moved @ self._contact.frame.T
+        nodal = self._contact.field_at(weights.nodes, self._path, self._trial, self._forces)
+        if self._free_displacement is not None:
+            nodal = nodal + self._free_displacement[weights.nodes]
+        found: Floats = weights.rows @ nodal @ self._contact.frame.T
         return found
 
 
-# Displacement of the whole tissue in states of an insertion.
+# Displacement of all degrees of freedom in states of an insertion.
 
 
 def loads(insertion: "Insertion", states: Sequence[int]) -> Floats:
-    """Return the needle's forces on the tissue in some states, shape (ndofs, nstates), N (N/m)."""
-    model, frame, pieces = insertion.model, insertion.axis.frame, insertion.pieces
+    """Return the needle forces on all dofs in some states, shape (ndofs, n), N (N/m in 2D)."""
+    model, frame, segments = insertion.model, insertion.axis.frame, insertion.segments
     found = np.zeros((model.ndofs, len(states)))
-    forces = np.zeros((len(pieces), model.dim, len(states)))
+    forces = np.zeros((len(segments), model.dim, len(states)))
     for column, number in enumerate(states):
         state = insertion.states[number]
         on_pieces = np.column_stack([state.friction_force, state.lateral_force]) @ frame
@@ -169,41 +175,46 @@ def loads(insertion: "Insertion", states: Sequence[int]) -> Floats:
                 state.partial_segment.weights,
                 on_pieces[-1],
             )
-    if pieces:
-        touched, means = means_of(pieces)
-        spread = means.T @ forces.reshape(len(pieces), -1)
+    if segments:
+        touched, means = means_of(segments)
+        spread = means.T @ forces.reshape(len(segments), -1)
         found[model.node_dofs[touched]] += spread.reshape(len(touched), model.dim, -1)
     return found
 
 
-def means_of(pieces: Sequence[ContactSegment]) -> tuple[Ints, Floats]:
-    """Return the nodes that pieces touch, and their weights there, shape (npieces, nodes)."""
-    nodes, place = np.unique(np.concatenate([p.nodes for p in pieces]), return_inverse=True)
-    means = np.zeros((len(pieces), len(nodes)))
-    row = np.repeat(np.arange(len(pieces)), [len(p.nodes) for p in pieces])
-    means[row, place] = np.concatenate([p.weights for p in pieces])
+def means_of(segments: Sequence[ContactSegment]) -> tuple[Ints, Floats]:
+    """Return the mean displacement over contact segments as linear functionals.
+
+    Returns
+    -------
+    Numbers of the nodes with a weight, shape (n,), and the weights, shape (nsegments, n).
+    """
+    nodes, place = np.unique(np.concatenate([p.nodes for p in segments]), return_inverse=True)
+    means = np.zeros((len(segments), len(nodes)))
+    row = np.repeat(np.arange(len(segments)), [len(p.nodes) for p in segments])
+    means[row, place] = np.concatenate([p.weights for p in segments])
     return nodes, means
 
 
 def load(
-    model: TissueModel, frame: Floats, state: State, pieces: Sequence[ContactSegment]
+    model: TissueModel, frame: Floats, state: State, segments: Sequence[ContactSegment]
 ) -> Floats:
-    """Return the needle's forces on the tissue in a state, shape (ndofs,), N (N/m in 2D).
+    """Return the load vector of the needle forces in a state, shape (ndofs,), N (N/m in 2D).
 
     Parameters
     ----------
     model : TissueModel
     frame : array, shape (dim, dim)
-        The needle's.
+        The needle's frame; its rows are the axial and the lateral directions.
     state : State
-    pieces : sequence of ContactSegment
-        Of the whole path.
+    segments : sequence of ContactSegment
+        Contact segments of the whole cut path.
     """
     found = np.zeros(model.ndofs)
     _add_tip(found, model, frame, state)
     forces = np.column_stack([state.friction_force, state.lateral_force]) @ frame
-    for piece, on_piece in zip(state.filled(pieces), forces, strict=True):
-        _add(found, model.node_dofs[piece.nodes], piece.weights, on_piece)
+    for segment, on_piece in zip(state.filled(segments), forces, strict=True):
+        _add(found, model.node_dofs[segment.nodes], segment.weights, on_piece)
     return found
 
 
@@ -213,39 +224,50 @@ def _add_tip(target: Floats, model: TissueModel, frame: Floats, state: State) ->
 
 
 def _add(target: Floats, dofs: Ints, weights: Floats, force: Floats) -> None:
-    target[dofs] += weights[:, None] * force  # a functional has every node once
+    target[dofs] += weights[:, None] * force  # each node occurs once in a functional
 
 
 def depends_on_time(insertion: "Insertion") -> bool:
-    """Say whether a state's displacement is more than what its forces do at rest."""
-    inertial = insertion.scene.discretization.integrator in DYNAMIC
-    return inertial or bool(insertion.model.branches)
+    """Say whether the displacement in a state depends on the states before it."""
+    has_inertia = insertion.scene.discretization.integrator in DYNAMIC
+    return has_inertia or bool(insertion.model.branches)
 
 
 def displacements(insertion: "Insertion", states: Sequence[int]) -> Floats:
-    """Return the displacement of all dofs in some states, shape (ndofs, nstates), m.
+    """Return the displacement of all degrees of freedom in some states, shape (ndofs, nstates), m.
 
-    Elastic tissue is in equilibrium with a state's forces. Where it depends on time, all that
-    happened before is gone through again (`replay.py`).
+    In elastic tissue the displacement is the equilibrium with the forces of the state. In tissue
+    that depends on time, all steps before the state are repeated (`response_in_time.py`).
     """
     if depends_on_time(insertion):
-        from needlefem.insertion.response_in_time import gone_through  # noqa: PLC0415 (needs dynamics)
+        from needlefem.insertion.response_in_time import repeated_displacements  # noqa: PLC0415 (needs dynamics)
 
-        return gone_through(insertion, np.asarray(states))
+        return repeated_displacements(insertion, np.asarray(states))
     return insertion.model.solve(loads(insertion, states))
 
 
-# States from the solution of a step, with all forces.
+# Construction of a state from the solution of a step.
 
 
 THIN = 1e-9
-"""Length of a piece, relative to the spacing, below which its hold is taken to be of this."""
+"""Smallest length of a segment, relative to the path spacing, in its lateral compliance."""
 
 
 def state_at_entry(
     entry: Vector, weights: LinearFunctionals, limit: float, lateral: Floats
 ) -> State:
-    """Return the state of a tip that presses on the entry point, about to cut."""
+    """Return the state in which the tip loads the entry point with the cutting force.
+
+    Parameters
+    ----------
+    entry : array, shape (dim,), m
+    weights : LinearFunctionals
+        Tip kernel at the entry point.
+    limit : float, N (N/m in 2D)
+        Cutting force.
+    lateral : array, shape (dim - 1,)
+        Lateral force of the tip over its axial force.
+    """
     none = np.zeros((0, len(lateral)))
     return State(
         depth=0.0,
@@ -262,10 +284,10 @@ def state_at_entry(
 
 
 def outside_state(
-    track: CutPath, tip_at_entry: LinearFunctionals, time: float, depth: float
+    cut_path: CutPath, tip_at_entry: LinearFunctionals, time: float, depth: float
 ) -> State:
-    """Return the state of a needle that touches nothing."""
-    instrument = track.instrument
+    """Return the state of a needle that is not in contact with the tissue."""
+    instrument = cut_path.instrument
     dim = len(instrument.axis.frame)
     return State(
         depth=depth,
@@ -285,22 +307,22 @@ def outside_state(
 
 
 def loading_state(
-    track: CutPath, trial: ContactTrial, forces: Floats, time: float, depth: float
+    cut_path: CutPath, trial: ContactTrial, forces: Floats, time: float, depth: float
 ) -> State:
-    """Return the state of a tip that holds the entry point of uncut skin.
+    """Return the state of a tip that loads the entry point of uncut skin.
 
     Parameters
     ----------
-    track : CutPath
+    cut_path : CutPath
     trial : ContactTrial
-        Of the tip's kernel at the entry.
+        Tip kernel at the entry point.
     forces : array, shape (dim,), N (N/m in 2D)
-        Of the tip.
+        Forces of the tip in the needle's frame.
     time : float, s
     depth : float, m
     """
     return dataclasses.replace(
-        outside_state(track, trial.weights, time, depth),
+        outside_state(cut_path, trial.weights, time, depth),
         tip_force=float(forces[0]),
         tip_lateral=forces[1:],
         tip_phase=TipPhase.LOADING,
@@ -309,55 +331,55 @@ def loading_state(
 
 
 def state_from_trial(
-    contact: CondensedContact, track: CutPath, moment: "TipTrial", time: float
+    contact: CondensedContact, cut_path: CutPath, tip_trial: "TipTrial", time: float
 ) -> tuple[State, ContactField]:
-    """Return the state at a moment, and its field.
+    """Return the state that belongs to the solution of a step, and its displacement field.
 
     Parameters
     ----------
     contact : CondensedContact
-        Covers afterwards what the needle lies in, with the friction found.
-    track : CutPath
-    moment : TipTrial
-        With a solution.
+        Its active segments and friction forces are afterwards those of the state.
+    cut_path : CutPath
+    tip_trial : TipTrial
+        Must have a solution.
     time : float, s
     """
-    solution = moment.solution
+    solution = tip_trial.solution
     assert solution is not None
     position, dim = solution.position, contact.dim
-    whole, trial, pull = position.full_segments, position.trial, solution.forces[:-1]
-    contact.set_friction(pull[:whole])
+    full, trial, friction = position.full_segments, position.trial, solution.forces[:-1]
+    contact.set_friction(friction[:full])
     forces = np.zeros(2 * dim)
-    forces[0], forces[dim] = solution.tip_force, pull[whole]
+    forces[0], forces[dim] = solution.tip_force, friction[full]
     forces[dim + 1 :] = position.shaft.lateral(solution.forces)
     lateral = contact.lateral_forces(trial, forces)
-    moved = contact.displacements(lateral, trial, forces)
+    displacement = contact.displacements(lateral, trial, forces)
     state = State(
-        depth=moment.depth,
+        depth=tip_trial.depth,
         tip=position.tip,
         tip_force=solution.tip_force,
         cutting_force=position.cutting_force,
         tip_lateral=np.zeros(dim - 1),
         tip_nodes=trial.weights.nodes,
         tip_weights=trial.weights.rows[0],
-        friction_force=pull,
+        friction_force=friction,
         lateral_force=np.vstack([lateral, forces[dim + 1 :]]),
-        segment_displacement=np.delete(moved, whole, axis=0),
+        segment_displacement=np.delete(displacement, full, axis=0),
         time=time,
-        inserted_length=moment.arc,
-        partial_segment=_end(track, solution),
+        inserted_length=tip_trial.arc,
+        partial_segment=_end(cut_path, solution),
         slipping=np.sign(solution.slip).astype(int),
-        tip_phase=moment.phase,
-        tip_displacement=float(moved[whole, 0]),
+        tip_phase=tip_trial.phase,
+        tip_displacement=float(displacement[full, 0]),
     )
-    path = np.column_stack([pull[:whole], lateral]).ravel()
+    path = np.column_stack([friction[:full], lateral]).ravel()
     return state, ContactField(contact, path, trial, forces)
 
 
-def _end(track: CutPath, solution: "StepSolution") -> ContactSegment:
-    """Return the piece that the tip is in."""
-    position, instrument = solution.position, track.instrument
-    last = track.vertices[position.full_segments - 1]
+def _end(cut_path: CutPath, solution: "StepSolution") -> ContactSegment:
+    """Return the contact segment in which the tip is, as far as the needle fills it."""
+    position, instrument = solution.position, cut_path.instrument
+    last = cut_path.vertices[position.full_segments - 1]
     row = position.trial.weights.rows[1]
     used = np.flatnonzero(row)
     length = max(position.length, THIN * instrument.spacing)
@@ -369,9 +391,9 @@ def _end(track: CutPath, solution: "StepSolution") -> ContactSegment:
     )
 
 
-def extend(contact: CondensedContact, pieces: Sequence[ContactSegment]) -> None:
-    """Give a contact the pieces of a path that it lacks."""
-    contact.set_active(len(contact.pieces))
-    for piece in pieces[len(contact.pieces) :]:
-        trial = contact.trial(LinearFunctionals(piece.nodes, piece.weights[None]))
-        contact.append_segment(trial, 0, 0.0, piece.offset, piece.compliance)
+def extend(contact: CondensedContact, segments: Sequence[ContactSegment]) -> None:
+    """Append to a contact the segments of a path that it does not have yet."""
+    contact.set_active(len(contact.segments))
+    for segment in segments[len(contact.segments) :]:
+        trial = contact.trial(LinearFunctionals(segment.nodes, segment.weights[None]))
+        contact.append_segment(trial, 0, 0.0, segment.offset, segment.compliance)

@@ -25,34 +25,36 @@ from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.state import State
 
 TOLERANCE = 1e-12
-"""Distance of the tip from where the needle is at which a step is solved, m."""
+"""Tolerance of the distance between the material point at the tip and the tip in space, m."""
 
 
 class Field(Protocol):
-    """The tissue's displacement at one time."""
+    """The displacement field of the tissue in one state."""
 
     def means(self, weights: LinearFunctionals) -> Floats:
-        """Return functionals of it in the needle's frame, shape (nrows, dim), m."""
+        """Return linear functionals of the field in the needle's frame, shape (nrows, dim), m."""
         ...
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TipPosition:
-    """A place of the tip in the material, and the equations there.
+    """A material point at the tip, and the contact equations for it.
 
     Parameters
     ----------
     tip : array, shape (dim,), m
-    whole : int
-        Number of pieces that the needle fills.
+        Material point at the tip.
+    full_segments : int
+        Number of contact segments that the needle fills completely.
     length : float, m
-        Of the piece that the tip is in.
+        Length of the partial segment, in which the tip is.
     trial : ContactTrial
+        Tip kernel and partial segment.
     shaft : ShaftEquations
-    before : array, shape (whole + 1,), m
-        Axial displacement of the pieces, the tip's one among them, at the step's start.
-    kinetic : array, shape (whole + 1,), N (N/m in 2D)
-        Their friction limits when slipping.
+    before : array, shape (full_segments + 1,), m
+        Axial displacement of the segments, including the partial one, at the start of the step.
+    kinetic : array, shape (full_segments + 1,), N (N/m in 2D)
+        Kinetic friction force of the segments.
     cutting_force : float, N (N/m in 2D)
     """
 
@@ -68,22 +70,22 @@ class TipPosition:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class StepSolution:
-    """Forces at a position of the tip for one depth of the needle.
+    """Forces for a material point at the tip and a depth of the needle.
 
     Parameters
     ----------
     position : TipPosition
     depth : float, m
-    forces : array, shape (whole + 2,), N (N/m in 2D)
-        Friction of the pieces, then the tip's axial force.
-    slip : array, shape (whole + 1,), m
-        Of the needle relative to the tissue in this step, forward positive.
-    slipped : array, shape (whole + 1,), m
-        Since sticking, at the step's end.
-    gap : float, m
-        From the needle's tip ahead to the material at the tip's position; negative: behind.
-    beside : array, shape (dim - 1,), m
-        Lateral distance of that material from the axis.
+    forces : array, shape (full_segments + 2,), N (N/m in 2D)
+        Friction forces of the segments, then the axial tip force.
+    slip : array, shape (full_segments + 1,), m
+        Slip of the needle relative to the segments in this step, positive forward.
+    slipped : array, shape (full_segments + 1,), m
+        Slip since the segment last stuck, at the end of the step.
+    axial_gap : float, m
+        Axial position of the material point minus that of the tip; positive: it is ahead.
+    lateral_gap : array, shape (dim - 1,), m
+        Lateral distance of the material point from the axis.
     """
 
     position: TipPosition
@@ -101,184 +103,196 @@ class StepSolution:
 
     @property
     def excess_cutting_force(self) -> float:
-        """Force of the tip beyond that of cutting."""
+        """Tip force minus cutting force, N (N/m in 2D)."""
         return self.tip_force - self.position.cutting_force
 
 
 class StepEquations:
-    """Everything that is fixed while one step is solved.
+    """The equations of one step; the data of its start are fixed while they are solved.
 
     Parameters
     ----------
     contact : CondensedContact
-    track : CutPath
+    cut_path : CutPath
     friction : SlipWeakeningFriction
     start : State
-        At the step's start.
+        State at the start of the step.
     field : Field
-        The tissue's displacement then.
+        Displacement field at the start of the step.
     """
 
     def __init__(
         self,
         contact: CondensedContact,
-        track: CutPath,
+        cut_path: CutPath,
         friction: SlipWeakeningFriction,
         start: State,
         field: Field,
     ) -> None:
-        self.contact, self.track, self.friction = contact, track, friction
-        self.depth, self._moved, self._field = (
+        self.contact, self.cut_path, self.friction = contact, cut_path, friction
+        self.depth, self._initial_displacement, self._field = (
             start.depth,
             start.segment_displacement[: start.full_segments],
             field,
         )
-        self.instrument = track.instrument
+        self.instrument = cut_path.instrument
         self.evaluations = 0
         self._slidings: dict[int, tuple[AxialCompliance, Floats]] = {}
         self._front: TipPosition | None = None
         self._guess: Floats | None = None
-        self._partly = (
+        self._initial_partial = (
             None
             if start.partial_segment is None
             else (start.full_segments, start.partial_segment.compliance)
         )
-        self._slid = np.zeros(0) if start.slipping is None else start.slipping
-        self._same = same = start.full_segments
+        self._initial_slip_direction = np.zeros(0) if start.slipping is None else start.slipping
+        self._common_segments = same = start.full_segments
         if (
-            same < min(track.count, len(start.friction_force))
-            and track.arcs[same] <= start.inserted_length
+            same < min(cut_path.count, len(start.friction_force))
+            and cut_path.arcs[same] <= start.inserted_length
         ):
-            self._same += 1  # the piece that grew is whole
+            self._common_segments += 1  # the growing segment is full now
 
-    # positions
+    # equations for a position of the tip
 
     def at_arc(self, arc: float) -> TipPosition:
-        """Return the equations with the tip at a length of the path."""
-        whole, tip = self.track.at(arc)
-        return self.at_point(tip, whole)
+        """Return the equations with the tip at a path length."""
+        full_segments, tip = self.cut_path.at(arc)
+        return self.at_point(tip, full_segments)
 
     def front(self) -> TipPosition:
         """Return the equations with the tip at the crack front."""
         if self._front is None:
-            self._front = self.at_point(self.track.crack_front, self.track.count)
-        elif self.contact.active_segments != self.track.count:
-            self.contact.set_active(self.track.count)
+            self._front = self.at_point(self.cut_path.crack_front, self.cut_path.count)
+        elif self.contact.active_segments != self.cut_path.count:
+            self.contact.set_active(self.cut_path.count)
         return self._front
 
-    def at_point(self, tip: Vector, whole: int) -> TipPosition:
-        """Return the equations with the tip at a material point, in the piece after `whole`."""
+    def at_point(self, tip: Vector, full_segments: int) -> TipPosition:
+        """Return the equations with the tip at a material point after the full segments."""
         self.evaluations += 1
         contact, instrument, axis = self.contact, self.instrument, self.instrument.axis
-        if contact.active_segments != whole:
-            contact.set_active(whole)
-        last = self.track.vertices[whole - 1]
-        weights = instrument.tip_and_piece(tip, last)
+        if contact.active_segments != full_segments:
+            contact.set_active(full_segments)
+        last = self.cut_path.vertices[full_segments - 1]
+        weights = instrument.tip_and_segment(tip, last)
         trial = contact.trial(weights)
         length = float(np.linalg.norm(tip - last))
-        sliding, before = self._sliding(whole)
+        sliding, before = self._sliding(full_segments)
         offset = axis.lateral_offset(0.5 * (tip + last))
         stiffness = instrument.lateral_penalty * length
         own = self._field.means(LinearFunctionals(weights.nodes, weights.rows[1:]))[0, 0]
         friction = instrument.friction_at(weights) * length
         return TipPosition(
             tip=tip,
-            full_segments=whole,
+            full_segments=full_segments,
             length=length,
             trial=trial,
             shaft=ShaftEquations.build(contact, sliding, trial, offset, stiffness),
             before=np.append(before, own),
-            kinetic=np.append(self.track.kinetic[:whole], friction),
+            kinetic=np.append(self.cut_path.kinetic[:full_segments], friction),
             cutting_force=instrument.cutting_force_at(weights),
         )
 
-    def _sliding(self, whole: int) -> tuple[AxialCompliance, Floats]:
-        """Return the covered pieces' equations, and their axial displacement at the start."""
-        if whole not in self._slidings:
-            known = self._moved[:whole, 0]
-            fresh = self.contact.pieces[len(known) : whole]
+    def _sliding(self, count: int) -> tuple[AxialCompliance, Floats]:
+        """Return the axial compliance of the first segments, and their initial displacement, m."""
+        if count not in self._slidings:
+            known = self._initial_displacement[:count, 0]
             more = [
-                self._field.means(LinearFunctionals(piece.nodes, piece.weights[None]))[0, 0]
-                for piece in fresh
+                self._field.means(LinearFunctionals(segment.nodes, segment.weights[None]))[0, 0]
+                for segment in self.contact.segments[len(known) : count]
             ]
-            self._slidings[whole] = (self.contact.sliding(), np.append(known, more))
-        return self._slidings[whole]
+            self._slidings[count] = (self.contact.sliding(), np.append(known, more))
+        return self._slidings[count]
 
-    def _lag(self, whole: int, travel: float) -> Floats | None:
-        """Return how far what slid stays behind the needle if it sticks; None without inertia.
+    def _inertial_lag(self, full_segments: int, travel: float) -> Floats | None:
+        """Return how far slipping segments stay behind the needle if they begin to stick, m.
 
-        Of whole pieces that carried force before as well; the others stick by displacement. As
-        far as it is inertia that holds a piece, it goes half the needle's way and half its own,
-        by the measure that is less behind.
+        None without inertia. It is zero for segments that carried no force at the start of the
+        step: they stick by displacement. If only inertia resists the motion of a segment, the
+        segment moves by the mean of its own displacement and the needle's travel. Of two estimates
+        of its own displacement, the one with the smaller lag is used. The lag is reduced where the
+        stiffness of the tissue resists, too.
         """
-        swing, same = self.contact.swing, min(whole, self._same)
-        if swing is None:
+        drift, count = self.contact.inertial_drift, min(full_segments, self._common_segments)
+        if drift is None:
             return None
-        slid, found = self._slid[:same], np.zeros(whole + 1)
-        late = np.min(slid * (0.5 * travel - swing[:2, :same]), axis=0)
-        held = np.diagonal(self._slidings[whole][0].compliance)[:same]
-        share = np.minimum(held / swing[2, :same], 1.0)
-        found[:same] = share * slid * np.maximum(late, 0.0)
+        direction, found = self._initial_slip_direction[:count], np.zeros(full_segments + 1)
+        lag = np.min(direction * (0.5 * travel - drift[:2, :count]), axis=0)
+        compliance = np.diagonal(self._slidings[full_segments][0].compliance)[:count]
+        share = np.minimum(compliance / drift[2, :count], 1.0)
+        found[:count] = share * direction * np.maximum(lag, 0.0)
         return found
 
-    def _kept(self, position: TipPosition) -> Floats:
-        """Return the friction forces at the step's start on what the needle still lies in then.
+    def _initial_friction(self, position: TipPosition) -> Floats:
+        """Return the friction forces at the start of the step, on the segments in use at its end.
 
-        Sticking that gives way is stretched by the force per length, which stays as it was where
-        the tip is drawn back in a piece; material that it cuts anew carries none.
+        With a tangential penalty, the force per length of a sticking partial segment is unchanged
+        when the tip is retracted in it. Material that is cut in the step carries no initial force.
         """
-        whole, track = position.full_segments, self.track
-        found = track.friction_force[: whole + 1]
+        full, cut_path = position.full_segments, self.cut_path
+        found = cut_path.friction_force[: full + 1]
         if self.friction.stiffness > 0.0:
-            length = track.arcs[whole] - track.arcs[whole - 1] if whole < track.count else 0.0
-            if self._partly is not None and self._partly[0] == whole:
-                length = 1.0 / (self.instrument.lateral_penalty * self._partly[1])
+            length = cut_path.arcs[full] - cut_path.arcs[full - 1] if full < cut_path.count else 0.0
+            if self._initial_partial is not None and self._initial_partial[0] == full:
+                length = 1.0 / (self.instrument.lateral_penalty * self._initial_partial[1])
             if position.length < length:
                 found = found.copy()
                 found[-1] *= position.length / length
         return found
 
-    # forces at a position
+    # forces for a position of the tip
 
     def solve(self, position: TipPosition, depth: float, low: float, high: float) -> StepSolution:
-        """Solve for friction, and for the tip's force between bounds."""
-        axis, whole, track = self.instrument.axis, position.full_segments, self.track
-        ends = np.diff(track.arcs[:whole], prepend=0.0)
-        rub = FrictionStep(
+        """Solve for the friction forces, and for the tip force between bounds.
+
+        Parameters
+        ----------
+        position : TipPosition
+        depth : float, m
+        low, high : float, N (N/m in 2D)
+            Bounds of the axial tip force. They may be equal or infinite.
+        """
+        axis, full, cut_path = self.instrument.axis, position.full_segments, self.cut_path
+        lengths = np.diff(cut_path.arcs[:full], prepend=0.0)
+        friction_step = FrictionStep(
             friction=self.friction,
             kinetic=position.kinetic,
-            slipped=track.slip_since_stick[: whole + 1],
+            slipped=cut_path.slip_since_stick[: full + 1],
             travel=position.before + (depth - self.depth),
-            old=self._kept(position),
-            lengths=np.append(ends, position.length),
-            lag=self._lag(whole, depth - self.depth),
+            old=self._initial_friction(position),
+            lengths=np.append(lengths, position.length),
+            lag=self._inertial_lag(full, depth - self.depth),
         )
-        start = np.append(rub.old, min(max(0.0, low), high))
+        start = np.append(friction_step.old, min(max(0.0, low), high))
         if self._guess is not None:
             start = _resized(self._guess, start)
         shaft, tip = position.shaft, (low, high, depth - float(axis.axial_coordinate(position.tip)))
-        forces, slip, apart = rub.solve(shaft.compliance, shaft.free, start, tip)
+        forces, slip, gaps = friction_step.solve(shaft.compliance, shaft.free, start, tip)
         self._guess = forces
-        beside = axis.lateral_offset(position.tip) + shaft.lateral_tip_displacement(forces)
-        gap = -float(apart[-1])
-        return StepSolution(position, depth, forces, slip, rub.after(slip), gap, beside)
+        lateral_gap = axis.lateral_offset(position.tip) + shaft.lateral_tip_displacement(forces)
+        axial_gap, slipped = -float(gaps[-1]), friction_step.after(slip)
+        return StepSolution(position, depth, forces, slip, slipped, axial_gap, lateral_gap)
 
 
 def _resized(guess: Floats, like: Floats) -> Floats:
-    """Return forces for as many pieces as there are now; those of the tip's piece stay last."""
+    """Return initial forces for the present number of segments.
+
+    The values of the partial segment and of the tip stay last.
+    """
     found = like.copy()
     count = min(len(guess), len(like)) - 2
     found[:count], found[-2:] = guess[:count], guess[-2:]
     return found
 
 
-# Roots: Broyden's method for the place of the tip, Brent's for one unknown in an interval.
+# Roots: Broyden's method for the position of the tip, Brent's method for one bracketed unknown.
 
 
 SMALLEST_CHANGE = 1e-15
-"""Change of the unknowns below which iterating is in vain, m."""
+"""Change of the unknowns below which the iteration ends, m."""
 FLAT = 1e-8
-"""Determinant of the errors' derivatives that is none."""
+"""Determinant of the Jacobian below which it is treated as singular."""
 MOST_BROYDEN_ITERATIONS = 60
 
 Evaluate = Callable[[Floats], tuple[StepSolution, Floats]]
@@ -288,18 +302,18 @@ Limit = Callable[[Floats, Floats], Floats]
 def broyden(
     evaluate: Evaluate, unknown: Floats, jacobian: Floats, limit: Limit
 ) -> StepSolution | None:
-    """Return the solution without an error (C. G. Broyden 1965), or None: not found.
+    """Return the solution with zero residual (C. G. Broyden 1965), or None without convergence.
 
     Parameters
     ----------
     evaluate : callable
-        Takes unknowns, shape (n,), m; returns solution and errors, shape (n,), m.
+        Takes unknowns, shape (n,), m; returns solution and residual, shape (n,), m.
     unknown : array, shape (n,), m
-        Guess.
+        Initial values.
     jacobian : array, shape (n, n)
-        Of the errors, about.
+        Approximate Jacobian of the residual.
     limit : callable
-        Takes unknowns and their change; returns the change that is allowed.
+        Takes unknowns and their change; returns the change that is permitted.
     """
     jacobian, (solution, error) = jacobian.copy(), evaluate(unknown)
     for _ in range(MOST_BROYDEN_ITERATIONS):
@@ -319,10 +333,10 @@ def broyden(
 
 
 def root_between(function: Callable[[float], float], low: float, high: float, xtol: float) -> float:
-    """Return where a function that changes sign between `low` and `high` vanishes (R. P. Brent).
+    """Return the root of a function that changes its sign between `low` and `high` (R. P. Brent).
 
-    scipy wraps what it is given in a function that refers to itself. It is given `_value`, so
-    that it does not keep `function`, and the tissue in it, until the next garbage collection.
+    scipy wraps its argument in a function that refers to itself. It is given `_value`, so that it
+    does not keep `function`, and the tissue in it, until the next garbage collection.
     """
     return float(scipy.optimize.brentq(_value, low, high, args=(function,), xtol=xtol))
 

@@ -1,10 +1,10 @@
-"""Sticking between needle and tissue: rigid, or by a tangential penalty.
+"""Sticking between needle and tissue: rigid, or with a tangential penalty.
 
 Rigid sticking prescribes the displacement of each contact segment. Segments that are much shorter
-than the node distance have nearly the same displacement, so that the forces between them are not
-determined: their compliance is singular up to round-off. A tangential penalty regularises it: a
-sticking segment is attached to the needle by a spring, whose extension is the friction force over
-the stiffness. The spring has no effect in forward slip, where friction is at its limit.
+than the distance of the nodes have nearly the same displacement, so that the forces on them are not
+determined: their compliance matrix is singular up to round-off. A tangential penalty regularizes
+it: a sticking segment is attached to the needle by a spring, whose extension is the friction force
+over the stiffness. The spring has no effect during forward slip, where friction is at its limit.
 """
 
 import dataclasses
@@ -21,26 +21,26 @@ from needlefem.needle.needle_interface import NeedleInterface
 from needlefem.scene import Needle
 
 STICK_CONDITION = 1e9
-"""Condition of the response of what sticks from which on its forces are noise: round-off of the
-responses, 1e-15, then shows in them at 1e-6."""
+"""Condition number of the compliance of sticking segments above which their forces are not
+determined. Round-off of the compliances, 1e-15, then causes errors of 1e-6 in the forces."""
 GIVES_WAY = 0.01
-"""Extension of a chosen penalty at the friction limit, over the tip's radius."""
+"""Spring extension at the friction limit, over the tip radius, for a penalty that is chosen."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Sticking:
-    """The tangential penalty of a scene's needle, and what it is good for.
+    """The tangential penalty of a needle, and the condition number of the compliance.
 
     Parameters
     ----------
     stiffness : float, Pa (N/m^3 in 2D)
-        Per length of path; 0: rigid.
+        Stiffness per length of path; 0: rigid sticking.
     condition : float
-        Of the response of a straight path that sticks, with it.
+        Condition number of the compliance of a straight path that sticks, with this stiffness.
     rigid_condition : float
-        Without.
+        Condition number for rigid sticking.
     reason : str
-        Why it was chosen; empty if it was not.
+        Why the stiffness was chosen; empty if the scene prescribes it or sticking is rigid.
     """
 
     stiffness: float
@@ -52,34 +52,36 @@ class Sticking:
 def sticking(
     needle: Needle, instrument: NeedleInterface, responses: ComplianceOperator, length: float
 ) -> Sticking:
-    """Return how what sticks is held: as the scene says, or so that its forces are determined.
+    """Return the tangential penalty of a needle: that of the scene, or a chosen one.
+
+    It is chosen where the forces of rigid sticking are not determined.
 
     Parameters
     ----------
     needle : Needle
         A `tangential_penalty` of 0 leaves the choice open.
     instrument : NeedleInterface
-        On the line that is looked at.
+        The needle on the axis for which the condition number is computed.
     responses : ComplianceOperator
-        Of the tissue.
+        Compliances of the tissue.
     length : float, m
-        Of the path: the deepest of the motion, as far as it is in the tissue.
+        Length of the path: the largest depth of the motion, as far as it is in the tissue.
 
     Raises
     ------
     CaseError
-        The scene's own penalty is too stiff for the mesh.
+        The penalty of the scene is too stiff for the mesh.
     """
     spacing = instrument.spacing
     count = int(length / spacing)
-    if count < 2:  # one segment has no neighbour that the mesh could take it for
+    if count < 2:  # a single segment has no neighbor with nearly the same displacement
         return Sticking(needle.tangential_penalty, 1.0, 1.0)
     compliance = straight_contact(instrument, responses, count).sliding().compliance
     lengths = np.full(count, spacing)
     softest = float(np.linalg.eigvalsh(compliance)[-1])
     if not softest * spacing > 0.0:
-        problem = "the tissue along the needle does not move under its forces"
-        raise CaseError("supports", problem, "hold less of it, or check the size of the mesh")
+        problem = "the tissue along the needle is not displaced by the needle's forces"
+        raise CaseError("supports", problem, "support less of it, or check the size of the mesh")
 
     def condition(stiffness: float) -> float:
         return stick_condition(
@@ -92,7 +94,7 @@ def sticking(
         found = condition(given)
         if found > STICK_CONDITION:
             problem = (
-                f"{given:g} is too stiff for the mesh to tell apart what sticks on segments of "
+                f"{given:g} is so stiff that the mesh does not resolve sticking on segments of "
                 f"{1e3 * spacing:.3g} mm (discretization.path_spacing)"
             )
             raise CaseError("needle.tangential_penalty", problem, f"write {_rounded(stiffest):g}")
@@ -100,26 +102,26 @@ def sticking(
     if rigid <= STICK_CONDITION:
         return Sticking(0.0, rigid, rigid)
     limit = float(instrument.shaft_friction.max()) * max(1.0, needle.static_friction_ratio)
-    wanted = limit / (GIVES_WAY * needle.tip_radius)
-    chosen = _rounded(min(wanted or stiffest, stiffest))
+    suggested = limit / (GIVES_WAY * needle.tip_radius)
+    chosen = _rounded(min(suggested or stiffest, stiffest))
     unit = "N/m^3" if len(instrument.axis.frame) == 2 else "Pa"
     reason = (
-        f"{chosen:g} {unit}, for the mesh can't tell apart what sticks on segments of "
+        f"{chosen:g} {unit}, because the mesh does not resolve rigid sticking on segments of "
         f"{1e3 * spacing:.3g} mm (discretization.path_spacing): sticking points move by up to "
         f"{1e3 * limit / chosen:.2g} mm"
     )
     return Sticking(chosen, condition(chosen), rigid, reason)
 
 
-def sticking_pieces(found: Sticking) -> CheckResult:
-    """Check that the forces on segments of the path are determined when all of them stick.
+def sticking_segments(found: Sticking) -> CheckResult:
+    """Check that the forces on contact segments are determined when all of them stick.
 
-    The condition of their axial response counts, with the tangential penalty that is used.
+    The value is the condition number of their axial compliance with the tangential penalty in use.
     """
     return CheckResult(
-        name="sticking pieces",
-        requirement="segments of the path are long enough, or needle.tangential_penalty is small "
-        "enough, for the mesh to tell their sticking apart",
+        name="sticking segments",
+        requirement="contact segments are so long, or needle.tangential_penalty is so small, that "
+        "the mesh resolves sticking",
         value=found.condition,
         bound=STICK_CONDITION,
         remedy="lengthen discretization.path_spacing",
@@ -127,6 +129,6 @@ def sticking_pieces(found: Sticking) -> CheckResult:
 
 
 def _rounded(stiffness: float) -> float:
-    """Return two digits of a number, not more than it."""
+    """Round a positive number down to two digits."""
     unit = 10.0 ** (math.floor(math.log10(stiffness)) - 1)
     return math.floor(stiffness / unit * (1.0 + 1e-12)) * unit

@@ -1,4 +1,4 @@
-"""Strains of a state of an insertion, compared with the range of small strain."""
+"""Strains in a state of an insertion, compared with the range of small strain."""
 
 import dataclasses
 
@@ -9,23 +9,23 @@ from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import displacements
 
 LARGE_STRAIN = 0.3
-"""Principal strain outside the kernel up to which small strain is trusted, where no case says."""
+"""Default limit of the principal strain outside the tip kernel."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class StrainCheck:
-    """Strains of one state.
+    """Strains in one state.
 
     Parameters
     ----------
     largest_strain : float
-        Largest principal strain (absolute) outside the tip's kernel.
+        Largest absolute principal strain outside the tip kernel.
     smallest_volume_ratio : float
-        Smallest ``det(I + grad u)`` outside the tip's kernel.
+        Smallest ``det(I + grad u)`` outside the tip kernel.
     inverted_cells : int
-        Cells, the kernel's among them, that the displacement turns over.
+        Number of cells, including those in the tip kernel, with ``det(I + grad u) <= 0``.
     strain_limit : float
-        That the case trusts small strain with.
+        Largest strain for which the case accepts small-strain results.
     """
 
     largest_strain: float
@@ -35,35 +35,37 @@ class StrainCheck:
 
     @property
     def beyond_limit(self) -> bool:
-        """Whether strains are larger than what the model describes."""
+        """Whether the largest strain exceeds the limit."""
         return self.largest_strain > self.strain_limit
 
     @property
     def headline(self) -> str:
-        """What the first line of a result says of strains beyond the limit."""
+        """Sentence on the strain limit for the first line of a result."""
         if self.beyond_limit:
             size = f"{self.largest_strain:.2g} > limit {self.strain_limit:g}"
             return f"strains beyond the model's range: yes ({size})"
         return f"strains beyond the model's range: no ({self.largest_strain:.2g})"
 
     def warnings(self) -> list[str]:
-        """Return a sentence for everything that should not be believed."""
+        """Return a sentence for each result that is not reliable."""
         found = []
         if self.beyond_limit:
             found.append(
                 f"the largest strain away from the tip is {self.largest_strain:.2f}: "
-                "beyond small strain, take displacements there as indicative"
+                "beyond small strain, displacements there are only indicative"
             )
         if self.inverted_cells:
-            found.append(f"{self.inverted_cells} mesh cells fold over: the state is not physical")
+            found.append(
+                f"{self.inverted_cells} mesh cells are inverted: the state is not physical"
+            )
         return found
 
 
 def validity(insertion: Insertion, state: int) -> StrainCheck:
-    """Return the validity indicators of a state."""
+    """Return the strain check of a state."""
     model, radius = insertion.model, insertion.scene.needle.tip_radius
-    moved = displacements(insertion, [state])[:, 0]
-    gradient: Floats = model.basis.interpolate(moved).grad  # (dim, dim, ncells, npoints)
+    displacement = displacements(insertion, [state])[:, 0]
+    gradient: Floats = model.basis.interpolate(displacement).grad  # (dim, dim, ncells, npoints)
     gradient = np.moveaxis(gradient, (0, 1), (2, 3))
     volume = np.linalg.det(np.eye(model.dim) + gradient)
     strain = np.linalg.eigvalsh(0.5 * (gradient + np.swapaxes(gradient, 2, 3)))

@@ -38,23 +38,22 @@ from needlefem.insertion.tissue_response import TissueResponse
 from needlefem.needle.needle_interface import NeedleInterface
 
 NUDGE = 1e-5
-"""Depth beyond that of a tip about to run ahead, relative to the spacing, at which it does."""
+"""Increment of depth in which a rupture begins, relative to the path spacing."""
 GIVES = 1e-10
-"""Energy that contact may give in a step, of the turnover, before the step is halved."""
+"""Energy that contact may add in a step, over the total absolute work; else the step is halved."""
 HALVINGS = 10
-"""Of such a step, at most."""
+"""Largest number of halvings of a step."""
 REFUSED = 5e-10
-"""Energy that contact may give in a step, of the turnover, before the motion ends there."""
+"""Energy that contact may add in a step, over the total absolute work; else the motion ends."""
 
 
 class TimeStepping:
-    """A needle moved by a schedule.
+    """A needle that follows a prescribed motion in time steps.
 
     Parameters
     ----------
     instrument : NeedleInterface
-    medium : TissueResponse
-        The tissue in time.
+    tissue_response : TissueResponse
     model : TissueModel
     friction : SlipWeakeningFriction
 
@@ -62,49 +61,49 @@ class TimeStepping:
     ----------
     outcome : Outcome
         Set when `iterate` is exhausted.
-    snaps : list of Rupture
+    ruptures : list of Rupture
     """
 
     def __init__(
         self,
         instrument: NeedleInterface,
-        medium: TissueResponse,
+        tissue_response: TissueResponse,
         model: TissueModel,
         friction: SlipWeakeningFriction,
     ) -> None:
-        self.instrument, self.medium, self.friction = instrument, medium, friction
-        self.snaps: list[Rupture] = []
-        self.outcome = Outcome(Status.STOPPED, "ended before the motion did")
-        self._progress = Progress(instrument, medium, model, friction)
-        self._told_apart = False
+        self.instrument, self.tissue_response, self.friction = instrument, tissue_response, friction
+        self.ruptures: list[Rupture] = []
+        self.outcome = Outcome(Status.STOPPED, "ended before the end of the motion")
+        self._progress = Progress(instrument, tissue_response, model, friction)
+        self._stick_resolution_checked = False
 
     @property
     def energy_balance(self) -> EnergyBalance:
-        """The energy ledger so far."""
-        return self._progress.account
+        """Energies of all steps so far."""
+        return self._progress.energy_balance
 
     @property
     def event_log(self) -> EventLog:
         """Events and seeds so far."""
-        return self._progress.chronicle
+        return self._progress.event_log
 
     @property
-    def pieces(self) -> list[ContactSegment]:
-        """Pieces of the path cut so far."""
-        return self._progress.pieces
+    def segments(self) -> list[ContactSegment]:
+        """Contact segments of the path cut so far."""
+        return self._progress.segments
 
     @property
     def evaluations(self) -> int:
-        """Contact evaluations spent."""
+        """Number of contact problems that were solved."""
         return self._progress.evaluations
 
-    def iterate(self, ticks: Iterable[TimeStep]) -> Iterator[State]:
-        """Yield the states one by one; stop early by not asking for more."""
+    def iterate(self, time_steps: Iterable[TimeStep]) -> Iterator[State]:
+        """Yield the states one by one. The motion stops if no further state is requested."""
         try:
             yield self._progress.state
-            for tick in ticks:
-                if tick.time > self._progress.state.time or tick.releases:
-                    yield from self._take_time_step(tick)
+            for time_step in time_steps:
+                if time_step.time > self._progress.state.time or time_step.releases:
+                    yield from self._take_time_step(time_step)
             sentence = f"the motion ended at {100.0 * self._progress.state.depth:.4g} cm"
             self.outcome = Outcome(Status.COMPLETED, sentence)
         except LeftTissueError as error:
@@ -115,155 +114,183 @@ class TimeStepping:
             sentence = f"after {100.0 * self._progress.state.depth:.4g} cm of depth: {error}"
             self.outcome = Outcome(Status.NOT_CONVERGED, sentence)
 
-    def take_over(self, march: PathFollowing, speed: float, spent: EnergyTerms) -> None:
-        """Go on where a march ended; see `Progress.take_over`."""
-        self._progress.take_over(march, speed, spent)
+    def continue_from(
+        self, path_following: PathFollowing, speed: float, spent: EnergyTerms
+    ) -> None:
+        """Continue an insertion after path following; see `Progress.continue_from`."""
+        self._progress.continue_from(path_following, speed, spent)
 
-    # a step and what happens in it
+    # one time step, and the events in it
 
-    def _take_time_step(self, tick: TimeStep, halvings: int = HALVINGS) -> Iterator[State]:
+    def _take_time_step(self, time_step: TimeStep, halvings: int = HALVINGS) -> Iterator[State]:
         now = self._progress.state
-        if tick.time > now.time or tick.depth != now.depth:
-            self._progress.begin(tick.duration)
-            if tick.depth < now.depth and not self._told_apart:
-                check_stick_resolution(self._progress.contact, self._progress.track, self.friction)
-                self._told_apart = True
+        if time_step.time > now.time or time_step.depth != now.depth:
+            self._progress.begin(time_step.duration)
+            if time_step.depth < now.depth and not self._stick_resolution_checked:
+                check_stick_resolution(
+                    self._progress.contact, self._progress.cut_path, self.friction
+                )
+                self._stick_resolution_checked = True
             start = (now.time, now.depth)
-            while (now := self._progress.state).time < tick.time or now.depth != tick.depth:
-                if not self.medium.timeless and now.time > start[0]:
-                    tick = tick._replace(duration=tick.time - now.time)  # what is left of it
+            while (
+                now := self._progress.state
+            ).time < time_step.time or now.depth != time_step.depth:
+                if not self.tissue_response.rate_independent and now.time > start[0]:
+                    time_step = time_step._replace(
+                        duration=time_step.time - now.time
+                    )  # the remaining part
                     start = (now.time, now.depth)
-                    self._progress.begin(tick.duration)
-                yield from self._advance(tick, start, halvings)
-        elif tick.releases:
-            yield self._progress.release(tick.releases)
+                    self._progress.begin(time_step.duration)
+                yield from self._advance(time_step, start, halvings)
+        elif time_step.releases:
+            yield self._progress.release(time_step.releases)
 
     def _advance(
-        self, tick: TimeStep, start: tuple[float, float], halvings: int
+        self, time_step: TimeStep, start: tuple[float, float], halvings: int
     ) -> Iterator[State]:
-        """Go to the tick's depth, or to where something happens before, if time can be cut."""
-        if not self.pieces:
-            yield from self._press_skin(tick, start, halvings)
+        """Advance to the end of a time step, or to the first event if the step can end there."""
+        if not self.segments:
+            yield from self._press_skin(time_step, start, halvings)
             return
-        old, arc, timeless = self._progress.state, self._progress.arc, self.medium.timeless
+        old, arc, rate_independent = (
+            self._progress.state,
+            self._progress.arc,
+            self.tissue_response.rate_independent,
+        )
         equations = self._progress.equations()
-        new = trial_step(equations, old.tip_phase, arc, tick.depth)
+        new = trial_step(equations, old.tip_phase, arc, time_step.depth)
         room = np.inf
         if new.phase is TipPhase.CUTTING and new.solution is None:
             room = self._progress.room()
-        if timeless:
+        if rate_independent:
             if new.phase is not old.tip_phase:
                 new = first_event(equations, old, arc, new) or new
             new = limit_to_segment(equations, new, room)
         if new.phase is TipPhase.CUTTING and new.solution is None:
-            yield from self._rupture(tick, start)
+            yield from self._rupture(time_step, start)
         else:
-            found = self._progress.found(new, tick.time_at(new.depth, start))
-            if self._crosses_skin(tick, new.phase is TipPhase.OUTSIDE):
-                share = crossing_on_path(self._progress, tick)
+            found = self._progress.found(new, time_step.time_at(new.depth, start))
+            if self._crosses_skin(time_step, new.phase is TipPhase.OUTSIDE):
+                share = crossing_on_path(self._progress, time_step)
                 if share < 1.0:
-                    yield self._accept(self._ended_at(share, tick), tick)
+                    yield self._accept(self._ended_at(share, time_step), time_step)
                     return
-            yield from self._halve_until_energy_closes(found, tick, halvings)
+            yield from self._halve_until_energy_closes(found, time_step, halvings)
 
-    def _accept(self, found: StepResult, tick: TimeStep) -> State:
-        """Accept what was found, and release at the tick's end what is released there.
+    def _accept(self, found: StepResult, time_step: TimeStep) -> State:
+        """Accept the result of a step, and release the seeds at the end of the time step.
 
         Raises
         ------
         SimulationError
-            Contact gives energy in the step.
+            Contact adds energy in the step.
         """
         self._refuse_energy_gain(found)
         state = self._progress.accept(found)
-        if state.time >= tick.time and state.depth == tick.depth and tick.releases:
-            return self._progress.release(tick.releases)
+        if state.time >= time_step.time and state.depth == time_step.depth and time_step.releases:
+            return self._progress.release(time_step.releases)
         return state
 
     def _halve_until_energy_closes(
-        self, found: StepResult, tick: TimeStep, halvings: int
+        self, found: StepResult, time_step: TimeStep, halvings: int
     ) -> Iterator[State]:
-        """Accept what was found, or take the step in halves if contact gives too much in it."""
+        """Accept the result of a step, or repeat the step in halves if contact adds energy."""
         if self._gains_energy(found, GIVES) and halvings:
-            yield from self._in_halves(tick, halvings)
+            yield from self._in_halves(time_step, halvings)
         else:
-            yield self._accept(found, tick)
+            yield self._accept(found, time_step)
 
     def _gains_energy(self, found: StepResult, most: float) -> bool:
-        """Say whether contact gives more than a part of the turnover in a step."""
+        """Say whether contact adds more than a share of the total absolute work in a step."""
         return found.spent.smallest_dissipation < -most * (
             self.energy_balance.total_absolute_work + abs(found.spent.work)
         )
 
     def _refuse_energy_gain(self, found: StepResult) -> None:
-        """Raise a `SimulationError` if contact gives energy in a step."""
+        """Raise a `SimulationError` if contact adds energy in a step."""
         if self._gains_energy(found, REFUSED):
             depth, work = self._progress.state.depth, self.energy_balance.total_absolute_work
             share = -found.spent.smallest_dissipation / (work + abs(found.spent.work))
             raise SimulationError(
-                f"beyond {depth:.4g} m contact would give energy, {share:.1e} of the work so far: "
-                "the tissue at the needle is strained beyond what small strain describes; refine "
+                f"beyond {depth:.4g} m contact would add energy, {share:.1e} of the work so far: "
+                "the strain of the tissue at the needle exceeds the range of small strain; refine "
                 "the mesh there, or take a stiffer tissue or a sharper needle"
             )
 
-    def _crosses_skin(self, tick: TimeStep, out: bool) -> bool:
-        """Say whether a step, at whose end the needle is out or not, is cut at the skin.
+    def _crosses_skin(self, time_step: TimeStep, out: bool) -> bool:
+        """Say whether a step has to end where the tip crosses the skin.
 
-        Tissue with inertia is met at the step's end: in the short rest of a step it would be
-        brought to the needle's velocity by too large a force. The needle leaves it, where it is
-        not the tissue that swings away, at that moment.
+        In tissue with inertia a step does not end at the first contact: in its short remaining part
+        the needle would accelerate the tissue to its own velocity with too large a force. It ends
+        at the skin only if a retracted needle leaves the tissue.
+
+        Parameters
+        ----------
+        time_step : TimeStep
+        out : bool
+            Whether the needle is outside at the end of the step.
         """
         now = self._progress.state
-        if self.medium.timeless or out is (now.tip_phase is TipPhase.OUTSIDE):
+        if self.tissue_response.rate_independent or out is (now.tip_phase is TipPhase.OUTSIDE):
             return False
-        return not self.medium.inertial or (out and tick.depth < now.depth)
+        return not self.tissue_response.has_inertia or (out and time_step.depth < now.depth)
 
-    def _ended_at(self, share: float, tick: TimeStep) -> StepResult:
-        """Return a step's end with the needle at the skin, touching nothing."""
+    def _ended_at(self, share: float, time_step: TimeStep) -> StepResult:
+        """Return the result of a step that ends at the skin without contact."""
         now = self._progress.state
-        time = now.time + share * (tick.time - now.time)
-        depth = now.depth + share * (tick.depth - now.depth)
+        time = now.time + share * (time_step.time - now.time)
+        depth = now.depth + share * (time_step.depth - now.depth)
         self._progress.begin(time - now.time)
         return self._progress.free(time, depth)
 
-    def _in_halves(self, tick: TimeStep, halvings: int) -> Iterator[State]:
-        """Take the step in two of half its duration."""
-        now, half = self._progress.state, 0.5 * tick.duration
-        middle = TimeStep(0.5 * (now.time + tick.time), 0.5 * (now.depth + tick.depth), half)
-        for part in (middle, tick._replace(duration=half)):
+    def _in_halves(self, time_step: TimeStep, halvings: int) -> Iterator[State]:
+        """Replace a time step by two of half its duration."""
+        now, half = self._progress.state, 0.5 * time_step.duration
+        middle = TimeStep(
+            0.5 * (now.time + time_step.time), 0.5 * (now.depth + time_step.depth), half
+        )
+        for part in (middle, time_step._replace(duration=half)):
             yield from self._take_time_step(part, halvings - 1)
 
-    def _rupture(self, tick: TimeStep, start: tuple[float, float]) -> Iterator[State]:
-        """Let the tip run on at fixed depth until its force is back at that of cutting."""
-        progress, timeless, depth = self._progress, self.medium.timeless, tick.depth
-        first, track = progress.count, progress.track
-        if timeless:
+    def _rupture(self, time_step: TimeStep, start: tuple[float, float]) -> Iterator[State]:
+        """Advance the tip at fixed depth until its force is the cutting force again."""
+        progress, rate_independent, depth = (
+            self._progress,
+            self.tissue_response.rate_independent,
+            time_step.depth,
+        )
+        first, cut_path = progress.count, progress.cut_path
+        if rate_independent:
             depth = min(depth, progress.state.depth + NUDGE * self.instrument.spacing)
-        time, released = tick.time_at(depth, start), self.energy_balance.rupture
+        time, before = time_step.time_at(depth, start), self.energy_balance.rupture
         while True:
             equations = progress.equations()
             high, low = segment_target(equations), None
             step = self._advanced(equations, high, depth)
             high = step.position.length
-            while self.medium.inertial and step.excess_cutting_force > 0.0:
-                low, high = high, high + self.instrument.spacing  # one step: it moves the tissue
+            while self.tissue_response.has_inertia and step.excess_cutting_force > 0.0:
+                # one state only: its forces accelerate the tissue
+                low, high = high, high + self.instrument.spacing
                 step = advance_at_fixed_depth(equations, high, depth)
             if step.excess_cutting_force <= 0.0:
                 break
-            jump = progress.found(TipTrial(TipPhase.RUPTURE, track.length, depth, step), time)
-            self._refuse_energy_gain(jump)
-            yield progress.accept(jump)
-        landing = find_arrest(equations, high, depth, low)
-        moment = TipTrial(TipPhase.CUTTING, track.length, depth, landing, segment_full=timeless)
-        found = progress.found(moment, time)
-        state = self._accept(found, tick)
-        self.snaps.append(Rupture(depth, first, progress.count))
-        self.event_log.record("rupture", self.energy_balance.rupture - released, state)
+            rupture = TipTrial(TipPhase.RUPTURE, cut_path.length, depth, step)
+            advance = progress.found(rupture, time)
+            self._refuse_energy_gain(advance)
+            yield progress.accept(advance)
+        arrest = find_arrest(equations, high, depth, low)
+        tip_trial = TipTrial(
+            TipPhase.CUTTING, cut_path.length, depth, arrest, segment_full=rate_independent
+        )
+        found = progress.found(tip_trial, time)
+        state = self._accept(found, time_step)
+        self.ruptures.append(Rupture(depth, first, progress.count))
+        self.event_log.record("rupture", self.energy_balance.rupture - before, state)
         yield state
 
     def _advanced(self, equations: StepEquations, length: float, depth: float) -> StepSolution:
-        """Run ahead, as far as there is tissue around the tip."""
-        grown = self._progress.track.length - self._progress.track.arcs[-1]
+        """Advance the tip at fixed depth to a length, or less if the tip would leave the tissue."""
+        grown = self._progress.cut_path.length - self._progress.cut_path.arcs[-1]
         for _ in range(HALVINGS):
             try:
                 return advance_at_fixed_depth(equations, length, depth)
@@ -272,44 +299,44 @@ class TimeStepping:
         return advance_at_fixed_depth(equations, length, depth)
 
     def _press_skin(
-        self, tick: TimeStep, start: tuple[float, float], halvings: int
+        self, time_step: TimeStep, start: tuple[float, float], halvings: int
     ) -> Iterator[State]:
-        """Press on the skin, and cut it."""
-        progress, timeless = self._progress, self.medium.timeless
+        """Load the uncut skin, and cut it when the tip force reaches the cutting force."""
+        progress, rate_independent = self._progress, self.tissue_response.rate_independent
         weights = progress.tip_at_entry
         limit = self.instrument.cutting_force_at(weights)
-        before = progress.state.depth if timeless else tick.depth
-        found = press_skin(progress.contact, weights, limit, (before, tick.depth))
-        time = tick.time_at(found.depth, start)
-        if self._crosses_skin(tick, found.forces[0] <= 0.0):
-            share = crossing_of_uncut_skin(progress, tick)
+        before = progress.state.depth if rate_independent else time_step.depth
+        found = press_skin(progress.contact, weights, limit, (before, time_step.depth))
+        time = time_step.time_at(found.depth, start)
+        if self._crosses_skin(time_step, found.forces[0] <= 0.0):
+            share = crossing_of_uncut_skin(progress, time_step)
             if share < 1.0:
-                yield self._accept(self._ended_at(share, tick), tick)
+                yield self._accept(self._ended_at(share, time_step), time_step)
                 return
         if found.forces[0] <= 0.0:
             yield from self._halve_until_energy_closes(
-                progress.free(time, found.depth), tick, halvings
+                progress.free(time, found.depth), time_step, halvings
             )
             return
         trial, forces = found.trial, found.forces
-        held = loading_state(progress.track, trial, forces, time, found.depth)
+        loaded = loading_state(progress.cut_path, trial, forces, time, found.depth)
         states = []
-        if not found.punctured or timeless:
-            states.append(self._accept(progress.pressing(held, trial, forces), tick))
+        if not found.punctured or rate_independent:
+            states.append(self._accept(progress.pressing(loaded, trial, forces), time_step))
         if found.punctured:
             progress.puncture(trial, len(forces) - 1)
-            at = progress.state if timeless else held
+            at = progress.state if rate_independent else loaded
             self.event_log.record("puncture", sum(progress.spent), at)
         yield from states
 
 
 def check_stick_resolution(
-    contact: CondensedContact, track: CutPath, friction: SlipWeakeningFriction
+    contact: CondensedContact, cut_path: CutPath, friction: SlipWeakeningFriction
 ) -> None:
     """Raise a `SimulationError` if the forces on sticking segments are not determined."""
-    count = len(contact.pieces)
+    count = len(contact.segments)
     if count:
         contact.set_active(count)
-        lengths = np.diff(track.arcs[:count])
+        lengths = np.diff(cut_path.arcs[:count])
         compliance = contact.sliding().compliance[1:, 1:]  # the entry point has no friction
         refuse_noise(compliance, friction.slack(lengths))

@@ -18,7 +18,7 @@ from needlefem.insertion.tip_solver import not_found, smallest_turning
 
 
 def solve_loading(equations: StepEquations, depth: float) -> StepSolution:
-    """Return the forces with the tip at the crack front, pressing from nothing to cutting."""
+    """Return the forces with the tip at the crack front, and a tip force from zero to cutting."""
     position = equations.front()
     return equations.solve(position, depth, 0.0, position.cutting_force)
 
@@ -26,85 +26,87 @@ def solve_loading(equations: StepEquations, depth: float) -> StepSolution:
 def solve_retraction(
     equations: StepEquations, depth: float, start: float
 ) -> tuple[float, StepSolution] | None:
-    """Return where on its path a tip without force is, and the forces.
+    """Return the position on the path of a tip without force, and the forces.
 
-    Of several places the first on the way from where it was: friction may drag tissue along so
-    far that the tip has two; the one between them can't be held, and where they meet the tissue
-    springs off the needle.
+    If there are several positions, the first one in the direction of motion is returned. There may
+    be two, since friction drags tissue along. The equilibrium between them is unstable; where the
+    two meet, the tissue separates from the needle.
 
     Parameters
     ----------
     equations : StepEquations
     depth : float, m
     start : float, m
-        Path length at which it was.
+        Path length at the tip at the start of the step.
 
     Returns
     -------
-    Path length, m, and solution; None: the tip is beyond the crack front. With a gap at length 0
-    the needle is out.
+    Path length, m, and solution; None if the tip is beyond the crack front. With a gap at path
+    length 0 the needle is outside.
     """
-    last, travel = equations.track.length, depth - equations.depth
+    last, travel = equations.cut_path.length, depth - equations.depth
     longest = 0.25 * equations.instrument.spacing
     near, far, before = start, np.nan, None
-    pace = equations.track.pace * travel
+    pace = equations.cut_path.pace * travel
     arc = min(max(start + min(max(pace, -longest), longest), 0.0), last)
     ahead = travel > 0.0
-    if start <= 0.0 or not travel or equations.contact.background is not None:
-        arc = start  # out, or the tissue moves by itself: it says which way to look
+    if start <= 0.0 or not travel or equations.contact.free_displacement is not None:
+        arc = start  # outside, or the tissue moves by itself: the gap gives the direction
         ahead = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0).axial_gap < 0.0
     for _ in range(MOST_BROYDEN_ITERATIONS):
         solution = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
         gap = solution.axial_gap
         if abs(gap) <= TOLERANCE or (gap > 0.0 and arc <= 0.0):
             if travel and arc != start:
-                equations.track.pace = (arc - start) / travel
+                equations.cut_path.pace = (arc - start) / travel
             return arc, solution
         if gap < 0.0 and arc >= last:
             return None
         near, far = (arc, far) if (gap < 0.0) is ahead else (near, arc)
-        slope = equations.track.slope
+        slope = equations.cut_path.slope
         if before is not None and arc != before[0]:
             slope = (gap - before[1]) / (arc - before[0])
         if slope > 0.0:
-            equations.track.slope = slope
-        wanted = arc - gap / slope if slope > 0.0 else np.nan
+            equations.cut_path.slope = slope
+        target = arc - gap / slope if slope > 0.0 else np.nan
         before = (arc, gap)
         if np.isnan(far):
             bound = near + longest if ahead else near - longest
-            wanted = wanted if min(near, bound) < wanted < max(near, bound) else bound
-            arc = min(max(wanted, 0.0), last)
+            target = target if min(near, bound) < target < max(near, bound) else bound
+            arc = min(max(target, 0.0), last)
         else:
-            inside = min(near, far) < wanted < max(near, far)
-            arc = wanted if inside else 0.5 * (near + far)
+            inside = min(near, far) < target < max(near, far)
+            arc = target if inside else 0.5 * (near + far)
     raise SimulationError(
-        f"where the retracted tip is on its cut path was not found at {100.0 * depth:.4g} cm in "
-        f"{MOST_BROYDEN_ITERATIONS} iterations; shorten discretization.time_step or path_spacing"
+        f"the position of the retracted tip on its cut path was not found at a depth of "
+        f"{100.0 * depth:.4g} cm in {MOST_BROYDEN_ITERATIONS} iterations; shorten "
+        "discretization.time_step or path_spacing"
     )
 
 
 def solve_cutting(equations: StepEquations, depth: float, ahead: float) -> StepSolution | None:
-    """Return the forces with a tip that has cut on to a depth, or None: not found.
+    """Return the forces with a tip that has cut up to a depth; None if no solution was found.
 
     Parameters
     ----------
     equations : StepEquations
     depth : float, m
+        Depth at the end of the step.
     ahead : float, m
-        How far about.
+        Approximate length that is cut.
     """
-    axis, front = equations.instrument.axis, equations.track.crack_front
+    axis, front = equations.instrument.axis, equations.cut_path.crack_front
 
-    def evaluate(moved: Floats) -> tuple[StepSolution, Floats]:
-        position = equations.at_point(front + moved, equations.track.count)
+    def evaluate(advance: Floats) -> tuple[StepSolution, Floats]:
+        position = equations.at_point(front + advance, equations.cut_path.count)
         force = position.cutting_force
         solution = equations.solve(position, depth, force, force)
         return solution, np.append(solution.axial_gap, solution.lateral_gap) @ axis.frame
 
-    def forward(moved: Floats, change: Floats) -> Floats:
-        """Let a tip that would go back go half way towards where it was."""
-        reach, more = float(axis.direction @ moved), float(axis.direction @ change)
-        return change * (-0.5 * reach / more) if reach + more <= 0.0 else change
+    def forward(advance: Floats, change: Floats) -> Floats:
+        """Limit a change that would move the tip behind the front to half of the advance."""
+        reached, more = float(axis.direction @ advance), float(axis.direction @ change)
+        return change * (-0.5 * reached / more) if reached + more <= 0.0 else change
 
     try:
         return broyden(evaluate, ahead * axis.direction, np.eye(len(front)), forward)
@@ -112,48 +114,53 @@ def solve_cutting(equations: StepEquations, depth: float, ahead: float) -> StepS
         return None
 
 
-# Growth of the cut path by length instead of depth; this includes advance at fixed depth.
+# Growth of the cut path to a given length instead of a depth, for instance at a fixed depth.
 
 
 PEAK = 1e-4
-"""Part of a piece to which the path's largest depth is found."""
+"""Tolerance of the limit point of the depth, relative to a segment."""
 NEAREST = 1e-3
-"""Part of the way to a landing at which the tip is looked at first."""
+"""First trial length of an arrest, over the largest length."""
 CLOSER, CLOSEST = 0.1, 1e-9
-"""How much nearer a tip that is beyond its landing is looked for, and the least such part."""
+"""Factor by which this length is reduced if it is beyond the arrest, and its smallest value."""
 LEAST = 0.01
 """Smallest first advance of the tip at fixed depth, over the length of a contact segment."""
 LITTLE = 0.25
-"""Depth gained in half of a piece, over that in the half before, below which it may fall."""
+"""Depth gained in the second half of a segment, over that in the first half, below which a limit
+point is searched."""
 GAIN = 1e-9
-"""Depth to be gained on the way to the largest that is worth a step, m."""
+"""Smallest gain of depth for which a step to a limit point is taken, m."""
 
 
 class _NotCutError(Exception):
-    """No equilibrium at the cutting force was found at a length of the growing piece (m)."""
+    """No equilibrium at the cutting force was found at a length of the growing segment (m)."""
 
     def __init__(self, length: float) -> None:
         self.length = length
 
 
 def extend_to_length(equations: StepEquations, length: float, depth: float) -> StepSolution | None:
-    """Return the forces with a tip that has cut on until its piece has a length, or None.
+    """Return the forces with a tip that has cut until the growing segment has a length.
 
-    The depth is what it takes. None: not found, or no tissue is around the tip.
+    The depth is a result.
 
     Parameters
     ----------
     equations : StepEquations
     length : float, m
-        Of the growing piece.
+        Length of the growing segment.
     depth : float, m
-        Guess.
+        Initial value of the depth.
+
+    Returns
+    -------
+    Solution; None if no solution was found, or if there is no tissue around the tip.
     """
     begin = _sideways(equations, length)
 
     def evaluate(unknown: Floats) -> tuple[StepSolution, Floats]:
         tip = _ahead(equations, length, unknown[1:])
-        position = equations.at_point(tip, equations.track.count)
+        position = equations.at_point(tip, equations.cut_path.count)
         force = position.cutting_force
         solution = equations.solve(position, depth + unknown[0], force, force)
         return solution, np.append(solution.axial_gap, solution.lateral_gap)
@@ -173,19 +180,24 @@ def extend_to_length(equations: StepEquations, length: float, depth: float) -> S
 # R  axial force of the tip, N (N/m in 2D); the tip stops where R is back at the cutting force f_c
 # Source: limit of a rate-dependent resistance f_c + eta dl/dt for eta to zero; docs/theory.md.
 def advance_at_fixed_depth(equations: StepEquations, length: float, depth: float) -> StepSolution:
-    """Return the forces, whatever the tip's is, with a tip that ran ahead at a depth.
+    """Return the forces with a tip that advances at a fixed depth; the tip force is a result.
 
     Parameters
     ----------
     equations : StepEquations
     length : float, m
-        Of the growing piece.
+        Length of the growing segment after the advance.
     depth : float, m
+
+    Raises
+    ------
+    SimulationError
+        No equilibrium was found.
     """
     begin = _sideways(equations, length)
 
     def evaluate(sideways: Floats) -> tuple[StepSolution, Floats]:
-        position = equations.at_point(_ahead(equations, length, sideways), equations.track.count)
+        position = equations.at_point(_ahead(equations, length, sideways), equations.cut_path.count)
         solution = equations.solve(position, depth, -np.inf, np.inf)
         return solution, solution.lateral_gap
 
@@ -199,8 +211,8 @@ def advance_at_fixed_depth(equations: StepEquations, length: float, depth: float
 
 
 def _not_found(equations: StepEquations, length: float, depth: float) -> SimulationError:
-    """Return the error of a piece of which no length is in equilibrium at a depth."""
-    begin, count = _sideways(equations, length), equations.track.count
+    """Return the error of a growing segment without equilibrium at a depth."""
+    begin, count = _sideways(equations, length), equations.cut_path.count
 
     def solved(sideways: Floats) -> StepSolution:
         position = equations.at_point(_ahead(equations, length, sideways), count)
@@ -208,22 +220,22 @@ def _not_found(equations: StepEquations, length: float, depth: float) -> Simulat
 
     turning = smallest_turning(lambda sideways: solved(sideways).lateral_gap, begin, length)
     limit = equations.front().cutting_force
-    return SimulationError(not_found(length, equations.track.vertices[-1], turning, limit))
+    return SimulationError(not_found(length, equations.cut_path.vertices[-1], turning, limit))
 
 
 def find_arrest(
     equations: StepEquations, high: float, depth: float, low: float | None = None
 ) -> StepSolution:
-    """Return where a tip that ran ahead stops: its force is back at that of cutting.
+    """Return the solution at which a rupture ends: the tip force is the cutting force again.
 
     Parameters
     ----------
     equations : StepEquations
     high : float, m
-        Length of the growing piece at which the force is below.
+        Length of the growing segment at which the tip force is smaller than the cutting force.
     depth : float, m
     low : float, m, optional
-        Length at which it is known to be above.
+        Length at which it is known to be larger.
     """
     if low is None:
         low, near = _near(equations, high, depth)
@@ -239,12 +251,12 @@ def find_arrest(
 
 
 def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, StepSolution]:
-    """Return a length ahead that is below that of landing, and the solution there.
+    """Return a length of the growing segment below that of the arrest, and the solution there.
 
-    A front beside the axis can't be on it with a tip that is nearer than that: then it is the
-    least length, of those tried, at which there is an equilibrium, and may be beyond the landing.
+    If the crack front is beside the axis, a tip that is very close to it cannot be on the axis.
+    Then the smallest trial length with an equilibrium is returned, which may be beyond the arrest.
     """
-    start = equations.track.length - equations.track.arcs[-1]
+    start = equations.cut_path.length - equations.cut_path.arcs[-1]
     share, found = NEAREST, None
     while share < 1.0:
         length = start + share * (high - start)
@@ -262,18 +274,21 @@ def _near(equations: StepEquations, high: float, depth: float) -> tuple[float, S
 
 
 def segment_target(equations: StepEquations) -> float:
-    """Return the length to which the growing piece grows, m: whole, and not all but reached."""
-    spacing, track = equations.instrument.spacing, equations.track
-    return max(spacing, track.length - track.arcs[-1] + LEAST * spacing)
+    """Return the length to which the growing segment is extended, m.
+
+    This is the path spacing, or slightly more than the present length if that is nearly reached.
+    """
+    spacing, cut_path = equations.instrument.spacing, equations.cut_path
+    return max(spacing, cut_path.length - cut_path.arcs[-1] + LEAST * spacing)
 
 
 def extend_until_segment_full(
     equations: StepEquations, depth: float, room: float = np.inf
 ) -> StepSolution | None:
-    """Return the forces with a tip that has cut on, up to a depth or until its piece is whole.
+    """Return the forces with a tip that has cut up to a depth or until its segment is full.
 
-    The path's length is the unknown's place in which all is smooth, also where the tip all but
-    runs ahead.
+    The unknown is the length of the path, because depth and forces are smooth functions of it also
+    at a limit point.
 
     Parameters
     ----------
@@ -281,16 +296,16 @@ def extend_until_segment_full(
     depth : float, m
         Largest depth.
     room : float, m
-        How far the tip may cut on at most.
+        Largest length that the tip may cut.
 
     Returns
     -------
-    Solution, or None: the tip runs ahead at once.
+    Solution; None if a rupture begins at once.
     """
-    start, track = equations.depth, equations.track
-    if depth <= start:  # a needle that goes back does not cut
+    start, cut_path = equations.depth, equations.cut_path
+    if depth <= start:  # a needle that is retracted does not cut
         return None
-    low = track.length - track.arcs[-1]
+    low = cut_path.length - cut_path.arcs[-1]
     high = min(segment_target(equations), low + room)
     step = extend_to_length(equations, high, depth)
     if step is None or _may_fall(equations, step, low, high):
@@ -305,24 +320,24 @@ def extend_until_segment_full(
 def _cut_to_depth(
     equations: StepEquations, beyond: StepSolution, depth: float
 ) -> StepSolution | None:
-    """Return the forces with a tip that has cut on to a depth, on its way beyond it.
+    """Return the forces with a tip that has cut up to a depth.
 
     Parameters
     ----------
     equations : StepEquations
     beyond : StepSolution
-        With the tip beyond the depth.
+        Solution at a larger depth.
     depth : float, m
 
     Returns
     -------
-    Solution, or None: the tip runs ahead at once, for its force would be beyond that of cutting if
-    the path were longer at the depth of now.
+    Solution; None if a rupture begins at once: with a longer path at the present depth, the tip
+    force would exceed the cutting force.
     """
-    start, track = equations.depth, equations.track
-    low, high = track.length - track.arcs[-1], beyond.position.length
+    start, cut_path = equations.depth, equations.cut_path
+    low, high = cut_path.length - cut_path.arcs[-1], beyond.position.length
 
-    def missed(length: float) -> float:
+    def excess_depth(length: float) -> float:
         if length == low:
             return start - depth
         found = extend_to_length(equations, length, depth)
@@ -331,7 +346,8 @@ def _cut_to_depth(
         return found.depth - depth
 
     try:
-        return extend_to_length(equations, root_between(missed, low, high, 1e-12 * high), depth)
+        length = root_between(excess_depth, low, high, 1e-12 * high)
+        return extend_to_length(equations, length, depth)
     except _NotCutError as error:
         if advance_at_fixed_depth(equations, error.length, start).excess_cutting_force > 0.0:
             return None
@@ -339,16 +355,16 @@ def _cut_to_depth(
 
 
 def _may_fall(equations: StepEquations, step: StepSolution, low: float, high: float) -> bool:
-    """Say whether depth may have a maximum within a piece: its second half gains little."""
+    """Say whether the depth may have a maximum in a segment: its second half gains little depth."""
     middle = extend_to_length(equations, 0.5 * (low + high), step.depth)
     return middle is None or step.depth - middle.depth < LITTLE * (middle.depth - equations.depth)
 
 
 def _peak(equations: StepEquations, low: float, high: float, depth: float) -> StepSolution | None:
-    """Return the solution at the largest depth within lengths of the growing piece."""
+    """Return the solution at the largest depth between two lengths of the growing segment."""
     found: list[StepSolution] = []
 
-    def below(length: float) -> float:
+    def negative_depth(length: float) -> float:
         step = extend_to_length(equations, length, depth)
         if step is None:
             return high - equations.depth
@@ -356,32 +372,39 @@ def _peak(equations: StepEquations, low: float, high: float, depth: float) -> St
         return -step.depth
 
     options = {"xatol": PEAK * (high - low)}
-    scipy.optimize.minimize_scalar(below, bounds=(low, high), method="bounded", options=options)
+    scipy.optimize.minimize_scalar(
+        negative_depth, bounds=(low, high), method="bounded", options=options
+    )
     return max(found, key=lambda step: step.depth, default=None)
 
 
 def _sideways(equations: StepEquations, length: float) -> Floats:
-    """Return where across the axis a tip at a length is expected, from the piece's vertex."""
-    track = equations.track
-    grown = track.crack_front - track.vertices[-1]
+    """Return the expected lateral position of the tip relative to the last vertex, m.
+
+    It is extrapolated from the part of the growing segment that is already cut.
+    """
+    cut_path = equations.cut_path
+    grown = cut_path.crack_front - cut_path.vertices[-1]
     size = float(np.linalg.norm(grown))
-    lean = equations.instrument.axis.lateral_directions @ grown
-    found: Floats = lean * (length / size) if size > 0.0 else lean
+    lateral = equations.instrument.axis.lateral_directions @ grown
+    found: Floats = lateral * (length / size) if size > 0.0 else lateral
     return found
 
 
 def _ahead(equations: StepEquations, length: float, sideways: Floats) -> Floats:
-    """Return the point at a distance from the growing piece's vertex."""
+    """Return the material point at a distance from the last vertex, given its lateral component."""
     axis = equations.instrument.axis
     forward = np.sqrt(np.maximum(length**2 - sideways @ sideways, 0.0))
     found: Floats = (
-        equations.track.vertices[-1] + forward * axis.direction + sideways @ axis.lateral_directions
+        equations.cut_path.vertices[-1]
+        + forward * axis.direction
+        + sideways @ axis.lateral_directions
     )
     return found
 
 
 def _within(sideways: Floats, change: Floats, length: float) -> Floats:
-    """Keep the tip's advance shorter than it is sideways."""
-    wanted = sideways + change
-    size = float(np.linalg.norm(wanted))
-    return wanted * min(1.0, 0.9 * length / size) - sideways if size > 0.0 else change
+    """Limit a change so that the lateral component stays smaller than the length of the segment."""
+    target = sideways + change
+    size = float(np.linalg.norm(target))
+    return target * min(1.0, 0.9 * length / size) - sideways if size > 0.0 else change

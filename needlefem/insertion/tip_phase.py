@@ -19,15 +19,15 @@ from needlefem.insertion.tip_advance import (
 )
 
 FAR = 4.0
-"""Advance over the needle's travel from which on a tip has run ahead."""
+"""Advance of the tip over the travel of the needle above which the step contains a rupture."""
 NEAR = 0.02
-"""Advance over the spacing up to which it has not."""
+"""Advance of the tip, over the path spacing, that is accepted without a rupture."""
 FINE = 1e-10
-"""Part of a step to which the depth of a change is found."""
+"""Tolerance of the depth of an event, relative to the step."""
 SPRING, SHORTEST = 1e-6, 1e-10
-"""Part of a step, and length (m), to which the depth is found at which tissue springs off."""
+"""Tolerance of the depth of an exit: relative to the step, and absolute (m)."""
 CLOSE = 1e-9
-"""What changes at the step's end, to this part of the change, needs no cut of the step."""
+"""Relative distance from the end of the step within which an event does not divide the step."""
 
 
 AT_FRONT = (TipPhase.LOADING, TipPhase.CUTTING, TipPhase.RUPTURE)
@@ -35,19 +35,19 @@ AT_FRONT = (TipPhase.LOADING, TipPhase.CUTTING, TipPhase.RUPTURE)
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TipTrial:
-    """A way of the tip, with the forces at one depth.
+    """A phase of the tip, and the forces at one depth.
 
     Parameters
     ----------
-    way : TipPhase
+    phase : TipPhase
     arc : float, m
-        Path length at which the tip is.
+        Path length at the tip.
     depth : float, m
     solution : StepSolution, optional
         None: the tip advances at fixed depth, or the needle is outside.
-    whole : bool
-        Whether the growing piece ends here, whatever its length: where the tip begins to run ahead
-        and where it stops, as in path following.
+    segment_full : bool
+        Whether the growing segment ends here, although it may be shorter than the path spacing: at
+        the beginning and at the end of a rupture, as in path following.
     """
 
     phase: TipPhase
@@ -57,40 +57,42 @@ class TipTrial:
     segment_full: bool = False
 
 
-def trial_step(equations: StepEquations, way: TipPhase, arc: float, depth: float) -> TipTrial:
-    """Return what the tip does at a depth.
+def trial_step(equations: StepEquations, phase: TipPhase, arc: float, depth: float) -> TipTrial:
+    """Return phase and forces of the tip at a depth.
 
     Parameters
     ----------
     equations : StepEquations
-    way : TipPhase
-        At the step's start.
+    phase : TipPhase
+        Phase at the start of the step.
     arc : float, m
-        Path length at which the tip was.
+        Path length at the tip at the start of the step.
     depth : float, m
+        Depth at the end of the step.
     """
-    if way in (TipPhase.RETRACTED, TipPhase.OUTSIDE):
-        drawn = _drawn(equations, arc, depth)
-        if drawn is not None:
-            return drawn
-    pressed = solve_loading(equations, depth)
-    if pressed.tip_force <= 0.0 and pressed.axial_gap > TOLERANCE:
-        drawn = _drawn(equations, equations.track.length, depth)
-        if drawn is not None:
-            return drawn
-    if pressed.excess_cutting_force >= 0.0 and pressed.axial_gap < -TOLERANCE:
-        ahead = -pressed.axial_gap
+    if phase in (TipPhase.RETRACTED, TipPhase.OUTSIDE):
+        retracted = _retracted(equations, arc, depth)
+        if retracted is not None:
+            return retracted
+    loading = solve_loading(equations, depth)
+    if loading.tip_force <= 0.0 and loading.axial_gap > TOLERANCE:
+        retracted = _retracted(equations, equations.cut_path.length, depth)
+        if retracted is not None:
+            return retracted
+    if loading.excess_cutting_force >= 0.0 and loading.axial_gap < -TOLERANCE:
+        ahead = -loading.axial_gap
         found = solve_cutting(equations, depth, ahead)
         reach = max(abs(depth - equations.depth), ahead)
         limit = FAR * reach + NEAR * equations.instrument.spacing
-        track = equations.track
-        if found is not None and np.linalg.norm(found.position.tip - track.crack_front) > limit:
+        cut_path = equations.cut_path
+        if found is not None and np.linalg.norm(found.position.tip - cut_path.crack_front) > limit:
             found = None
-        return TipTrial(TipPhase.CUTTING, track.length, depth, found)
-    return TipTrial(TipPhase.LOADING, equations.track.length, depth, pressed)
+        return TipTrial(TipPhase.CUTTING, cut_path.length, depth, found)
+    return TipTrial(TipPhase.LOADING, equations.cut_path.length, depth, loading)
 
 
-def _drawn(equations: StepEquations, arc: float, depth: float) -> TipTrial | None:
+def _retracted(equations: StepEquations, arc: float, depth: float) -> TipTrial | None:
+    """Return the trial of a retracted tip, or None if the tip is beyond the crack front."""
     found = solve_retraction(equations, depth, arc)
     if found is None:
         return None
@@ -103,56 +105,57 @@ def _drawn(equations: StepEquations, arc: float, depth: float) -> TipTrial | Non
 def first_event(
     equations: StepEquations, state: State, arc: float, new: TipTrial
 ) -> TipTrial | None:
-    """Return the moment at which the tip took the new way, if that is within the step.
+    """Return the trial at the depth where the tip phase changes, or None if it is not in the step.
 
     Parameters
     ----------
     equations : StepEquations
     state : State
-        At the step's start.
+        State at the start of the step.
     arc : float, m
-        Path length at which the tip was then.
+        Path length at the tip at the start of the step.
     new : TipTrial
-        At its end.
+        Trial at the end of the step.
     """
-    start, end, length = equations.depth, new.depth, equations.track.length
-    was_there, is_there = state.tip_phase in AT_FRONT, new.phase in AT_FRONT
+    start, end, length = equations.depth, new.depth, equations.cut_path.length
+    was_at_front, is_at_front = state.tip_phase in AT_FRONT, new.phase in AT_FRONT
     depth = None
-    if was_there and not is_there and state.tip_force > 0.0:
-        depth = _root(lambda s: _held(equations, s).tip_force, start, end)
-    elif was_there and new.phase is TipPhase.CUTTING:
+    if was_at_front and not is_at_front and state.tip_force > 0.0:
+        depth = _root(lambda s: _fixed_tip(equations, s).tip_force, start, end)
+    elif was_at_front and new.phase is TipPhase.CUTTING:
         if state.tip_force < (1.0 - CLOSE) * equations.front().cutting_force:
-            depth = _root(lambda s: _held(equations, s).excess_cutting_force, start, end)
-    elif is_there and not was_there:
-        depth = _root(lambda s: _loose(equations, length, s).axial_gap, start, end)
+            depth = _root(lambda s: _fixed_tip(equations, s).excess_cutting_force, start, end)
+    elif is_at_front and not was_at_front:
+        depth = _root(lambda s: _free_tip(equations, length, s).axial_gap, start, end)
         if depth is not None:
-            return TipTrial(TipPhase.LOADING, length, depth, _loose(equations, length, depth))
+            return TipTrial(TipPhase.LOADING, length, depth, _free_tip(equations, length, depth))
     elif new.phase is TipPhase.OUTSIDE and state.tip_phase is not TipPhase.OUTSIDE:
         return _exit(equations, arc, new)
     elif state.tip_phase is TipPhase.OUTSIDE and new.phase is not TipPhase.OUTSIDE:
-        depth = _root(lambda s: _loose(equations, 0.0, s).axial_gap, start, end)
+        depth = _root(lambda s: _free_tip(equations, 0.0, s).axial_gap, start, end)
         return None if depth is None else TipTrial(TipPhase.OUTSIDE, 0.0, depth, None)
     if depth is None:
         return None
-    return TipTrial(TipPhase.LOADING, length, depth, _held(equations, depth))
+    return TipTrial(TipPhase.LOADING, length, depth, _fixed_tip(equations, depth))
 
 
 def _exit(equations: StepEquations, arc: float, new: TipTrial) -> TipTrial | None:
-    """Return the last moment of the tip in the tissue, or that of leaving it.
+    """Return the last trial with the tip in the tissue, or that of a needle outside.
 
-    Tissue that friction drags out of its skin springs off the needle beyond the skin's place.
+    Friction drags tissue out of the skin. It separates from the needle when the tip is already
+    beyond the undeformed skin.
     """
     low, high, last = equations.depth, new.depth, None
-    skin = _root(lambda s: _loose(equations, 0.0, s).axial_gap, low, high)
+    skin = _root(lambda s: _free_tip(equations, 0.0, s).axial_gap, low, high)
     if skin is not None:
-        at_skin = _drawn(equations, arc, skin)
+        at_skin = _retracted(equations, arc, skin)
         if at_skin is None or at_skin.phase is TipPhase.OUTSIDE:
             return TipTrial(TipPhase.OUTSIDE, 0.0, skin, None)
         low, last = skin, at_skin
     shortest = SPRING * abs(high - equations.depth)
     while abs(high - low) > max(shortest, SHORTEST):
         middle = 0.5 * (low + high)
-        found = _drawn(equations, arc, middle)
+        found = _retracted(equations, arc, middle)
         if found is None or found.phase is TipPhase.OUTSIDE:
             high = middle
         else:
@@ -160,17 +163,18 @@ def _exit(equations: StepEquations, arc: float, new: TipTrial) -> TipTrial | Non
     return last or TipTrial(TipPhase.OUTSIDE, 0.0, high, None)
 
 
-def _held(equations: StepEquations, depth: float) -> StepSolution:
-    """Return the forces with the tip held at the crack front, whatever force that takes."""
+def _fixed_tip(equations: StepEquations, depth: float) -> StepSolution:
+    """Return the forces with the tip at the crack front; the tip force may have any value."""
     return equations.solve(equations.front(), depth, -np.inf, np.inf)
 
 
-def _loose(equations: StepEquations, arc: float, depth: float) -> StepSolution:
+def _free_tip(equations: StepEquations, arc: float, depth: float) -> StepSolution:
+    """Return the forces with a tip without force at a path length."""
     return equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
 
 
 def _root(function: Callable[[float], float], start: float, end: float) -> float | None:
-    """Return where a function of depth vanishes within a step, or None: not before its end."""
+    """Return the depth within a step at which a function is zero, or None if there is none."""
     values = function(start), function(end)
     if min(map(abs, values)) <= CLOSE * max(map(abs, values)) or values[0] * values[1] > 0.0:
         return None
@@ -178,21 +182,21 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
 
 
 def limit_to_segment(equations: StepEquations, new: TipTrial, room: float = np.inf) -> TipTrial:
-    """Return the moment in the step at which the growing piece is whole, if there is one.
+    """Return the trial at which the growing segment is full, if this happens within the step.
 
-    A tip that was not found where it should have cut to is looked for on the way there.
+    If no solution was found at the end of the step, it is searched along the growing segment.
 
     Parameters
     ----------
     equations : StepEquations
     new : TipTrial
-        At the step's end.
+        Trial at the end of the step.
     room : float, m
-        How far the tip may cut on at most.
+        Largest length that the tip may cut.
     """
     if new.phase is not TipPhase.CUTTING:
         return new
-    track, spacing = equations.track, equations.instrument.spacing
+    cut_path, spacing = equations.cut_path, equations.instrument.spacing
     if new.solution is None:
         found = extend_until_segment_full(equations, new.depth, room)
     elif new.solution.position.length <= (1.0 + 1e-9) * spacing:
@@ -201,21 +205,21 @@ def limit_to_segment(equations: StepEquations, new: TipTrial, room: float = np.i
         found = extend_to_length(equations, spacing, new.depth)
     if found is None or not equations.depth < found.depth <= new.depth + TOLERANCE:
         return new
-    there = abs(found.depth - new.depth) <= TOLERANCE
-    depth = new.depth if there else found.depth
-    return TipTrial(TipPhase.CUTTING, track.length, depth, found, segment_full=not there)
+    at_end = abs(found.depth - new.depth) <= TOLERANCE
+    depth = new.depth if at_end else found.depth
+    return TipTrial(TipPhase.CUTTING, cut_path.length, depth, found, segment_full=not at_end)
 
 
-# The tip on uncut skin.
+# Contact of the tip with uncut skin.
 
 
 NEGLIGIBLE_FORCE = 1e-9
-"""Force at a step's end, to this part of that at its other end, that is none."""
+"""Force at one end of a step, relative to that at the other end, which is treated as zero."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SkinContact:
-    """The forces (N, N/m in 2D) of a tip that holds the entry point at a depth (m)."""
+    """Forces (N, N/m in 2D) of a tip that loads the entry point at a depth (m)."""
 
     trial: ContactTrial
     depth: float
@@ -226,29 +230,28 @@ class SkinContact:
 def press_skin(
     contact: CondensedContact, weights: LinearFunctionals, limit: float, depths: tuple[float, float]
 ) -> SkinContact:
-    """Press on the entry point, to a depth, or until the skin is cut, left or met.
+    """Load the entry point up to a depth, or until the skin is cut or contact begins or ends.
 
     Parameters
     ----------
     contact : CondensedContact
-        Without a path.
+        Without active segments.
     weights : LinearFunctionals
-        The tip's kernel at the entry point.
+        Tip kernel at the entry point.
     limit : float, N (N/m in 2D)
-        Force at which it cuts.
+        Cutting force.
     depths : (float, float), m
-        At the step's start, where the force is lower, and at its end; the same: the step can't
-        be cut where the skin is.
+        At the start of the step and at its end. They are equal if the step cannot be divided.
     """
     trial, (start, depth) = contact.trial(weights), depths
-    forces = holding(contact, trial, depth)
+    forces = fixed_point_forces(contact, trial, depth)
     if depth != start:
-        first = holding(contact, trial, start)
+        first = fixed_point_forces(contact, trial, start)
         per_depth = (forces[0] - first[0]) / (depth - start)
         small = NEGLIGIBLE_FORCE * max(abs(forces[0]), abs(first[0]))
         if forces[0] > limit:
             depth -= float((forces[0] - limit) / per_depth)
-            forces = holding(contact, trial, depth)
+            forces = fixed_point_forces(contact, trial, depth)
             forces[0] = limit
         elif first[0] * forces[0] < 0.0 and min(abs(first[0]), abs(forces[0])) > small:
             depth -= float(forces[0] / per_depth)
@@ -256,12 +259,12 @@ def press_skin(
     return SkinContact(trial, depth, forces, bool(forces[0] >= limit))
 
 
-def holding(contact: CondensedContact, trial: ContactTrial, depth: float) -> Floats:
-    """Return the forces that hold the material of a trial at the tip, pulling or pushing.
+def fixed_point_forces(contact: CondensedContact, trial: ContactTrial, depth: float) -> Floats:
+    """Return the forces, pulling or pushing, with a material point at the tip, N (N/m in 2D).
 
-    Shape (dim,), N (N/m in 2D).
+    Shape (dim,).
     """
-    wanted = np.zeros(contact.dim)
-    wanted[0] = depth
-    found: Floats = np.linalg.solve(trial.bare, wanted - trial.displacement).astype(float)
+    position = np.zeros(contact.dim)
+    position[0] = depth
+    found: Floats = np.linalg.solve(trial.bare, position - trial.displacement).astype(float)
     return found

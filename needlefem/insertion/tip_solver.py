@@ -1,4 +1,4 @@
-"""One step of path following: position of the tip, its depth, and the initial guess for both."""
+"""One step of path following: material point at the tip, depth, and their initial values."""
 
 import dataclasses
 import math
@@ -14,24 +14,26 @@ from needlefem.mesh.surface import place_text
 from needlefem.needle.needle_interface import InsertionAxis, NeedleInterface
 
 Learnt = tuple[Floats, Floats]
-"""Direction of the tip across the axis, shape (dim - 1,), in a step, and the derivative of the
-tip's distance from the axis to it, shape (dim - 1, dim - 1)."""
+"""Slope of the path in a step, shape (dim - 1,), and the derivative of the lateral distance of the
+tip from the axis with respect to the slope, shape (dim - 1, dim - 1)."""
 
 
 class WarmStart:
-    """Guesses for a march, step by step.
+    """Initial values for the steps of an insertion, from an insertion with a nearby entry.
 
     Parameters
     ----------
     entry : array, shape (dim,), m
-        Where the needle enters the skin.
-    expected : sequence of (direction, derivative)
-        Of its steps; may be empty.
+        Entry of the needle.
+    expected : sequence of (slope, derivative)
+        Values of the steps of the earlier insertion; may be empty.
+    expected_last : LastStep, optional
+        Last step of the earlier insertion.
 
     Attributes
     ----------
-    learnt : list of (direction, derivative)
-        Steps made so far.
+    learnt : list of (slope, derivative)
+        Values of the steps so far.
     last : LastStep or None
         The step that ended at the requested depth.
     """
@@ -48,12 +50,12 @@ class WarmStart:
         self._expected_last = expected_last
 
     def for_entry(self, entry: Vector, near: float) -> "WarmStart":
-        """Return the guide of the next march: of no use unless its entry is near (m)."""
+        """Return the initial values for the next insertion; none unless its entry is near (m)."""
         apart = float(np.linalg.norm(entry - self.entry))
         return WarmStart(entry, self.learnt, self.last) if apart <= near else WarmStart(entry)
 
     def guess(self, slope: Floats, jacobian: Floats) -> Learnt:
-        """Return direction and derivative to begin the next step with, from those of the last."""
+        """Return slope and derivative to begin the next step with, given those of the last step."""
         number = len(self.learnt)
         if not 0 < number < len(self._expected):
             return slope, jacobian
@@ -61,7 +63,7 @@ class WarmStart:
         return slope + now - then, known
 
     def guess_last(self) -> "LastStep | None":
-        """Return what the last step of the march nearby was, if the next one is its equal."""
+        """Return the last step of the earlier insertion, if the next step has the same number."""
         last = self._expected_last
         if last is None or len(self.learnt) != last.number or last.number == 0:
             return None
@@ -78,9 +80,9 @@ class LastStep:
         Number of steps before it.
     length : float, m
     turned : array, shape (dim - 1,)
-        Its direction less that of the step before.
+        Its slope minus that of the step before.
     derivatives : array, shape (dim, dim)
-        Of depth and lateral distance, m, to length, m, and direction.
+        Derivatives of depth and lateral distance, m, with respect to length, m, and slope.
     """
 
     number: int
@@ -89,25 +91,26 @@ class LastStep:
     derivatives: Floats
 
 
-# One step along the cut path: the next position of the tip, and its depth.
+# One step along the cut path: the next material point at the tip, and the depth.
 
 
 TOLERANCE = 1e-12
-"""Lateral distance of the tip from the axis at which a step is solved, m."""
+"""Tolerance of the lateral distance of the tip from the axis, m."""
 STALLED = 1e-15
-"""Change of the tip's direction below which iterating is in vain."""
+"""Change of the slope below which the iteration ends."""
 STEEPEST = 0.9
-"""Largest sine of the angle between a step and the needle's axis."""
+"""Largest sine of the angle between a step and the needle axis."""
 MOST_ITERATIONS = 40
 ROUND_OFF = 1e-14
-"""Distance from the requested depth to which the last step is solved, m."""
+"""Tolerance of the depth of the last step, m."""
 LEAST_TURNING = 0.25
-"""Lateral displacement of the tip over that on its path below which its direction is lost."""
+"""Derivative of the lateral tip position with respect to that on the path below which the step is
+assumed to have no equilibrium."""
 DIFFERENCE = 0.05
-"""Lateral displacement, over the length of the step, to look at that."""
+"""Lateral increment for this derivative, over the length of the step."""
 PLANE = 2
 FEW_ITERATIONS = 10
-"""Of a step whose length is solved for as well; a good guess takes five."""
+"""Iterations of a step with unknown length; five suffice with good initial values."""
 
 
 class TipSolution(NamedTuple):
@@ -118,22 +121,22 @@ class TipSolution(NamedTuple):
     tip : array, shape (dim,), m
         Material point at the tip.
     trial : ContactTrial
-        Its functionals: the tip's kernel, and the piece of path behind it.
+        Functionals of the step: the tip kernel, and the contact segment behind it.
     depth : float, m
     tip_force, cutting_force : float, N (N/m in 2D)
-        Axial force of the tip, and that at which it cuts there.
+        Axial force of the tip, and the force at which it cuts at this material point.
     friction : float, N (N/m in 2D)
-        On the piece.
+        Friction force on the segment.
     lateral : array, shape (dim - 1,), N (N/m in 2D)
-        On the piece.
+        Lateral force on the segment.
     offset : array, shape (dim - 1,), m
-        Lateral offset of the piece's material from the axis, undeformed.
+        Lateral offset of the undeformed segment from the axis.
     compliance : float, m/N
-        Of the piece's lateral hold.
+        Compliance of the lateral penalty of the segment.
     residual : array, shape (dim - 1,), m
         Lateral distance of the tip from the axis.
     slope : array, shape (dim - 1,)
-        Of the path across the axis, over its length.
+        Lateral component of the step over its length.
     """
 
     tip: Vector
@@ -150,30 +153,33 @@ class TipSolution(NamedTuple):
 
     @property
     def forces(self) -> Floats:
-        """Forces on the trial's functionals."""
+        """Forces on the functionals of the trial."""
         none = np.zeros_like(self.lateral)
         return np.concatenate([[self.tip_force], none, [self.friction], self.lateral])
 
     @property
     def excess(self) -> float:
-        """Force of the tip beyond that of cutting."""
+        """Tip force minus cutting force, N (N/m in 2D)."""
         return self.tip_force - self.cutting_force
 
 
 class NoEquilibriumError(Exception):
-    """No step of this length was found."""
+    """No equilibrium was found for a step of this length."""
 
 
 def not_found(length: float, last: Vector, turning: float, limit: float) -> str:
-    """Return what to say when no step of a length (m) from a material point (m) was found.
+    """Return the error message for a step without equilibrium.
 
     Parameters
     ----------
     length : float, m
+        Length of the step.
     last : array, shape (dim,), m
+        Material point at which the step begins.
     turning : float
-        Lateral displacement of the tip's material over that of the tip on its path, at the
-        direction that was expected: 1 in rigid tissue, 0 where strained tissue leaves no direction.
+        Derivative of the lateral position of the tip with respect to its lateral position on the
+        path, at the initial slope. It is 1 in rigid tissue. If it is 0, the strained tissue has
+        lost its resistance to a lateral motion of the tip.
     limit : float, N (N/m in 2D)
         Cutting force there.
     """
@@ -193,20 +199,21 @@ def not_found(length: float, last: Vector, turning: float, limit: float) -> str:
 
 
 def smallest_turning(beside: Callable[[Floats], Floats], sideways: Floats, length: float) -> float:
-    """Return the smallest derivative of the tip's lateral place to its lateral place on the path.
+    """Return the smallest derivative of the lateral tip position with respect to that on the path.
 
     Parameters
     ----------
     beside : callable
-        Takes the tip's place across the axis, shape (dim - 1,), m; returns its lateral distance
-        from the axis, in the same way.
+        Takes the lateral position of the tip on the path, shape (dim - 1,), m; returns its lateral
+        distance from the axis, of the same shape.
     sideways : array, shape (dim - 1,), m
+        Lateral position at which the derivative is taken.
     length : float, m
-        Of the step, which scales the differences.
+        Length of the step, which scales the finite differences.
 
     Returns
     -------
-    Real part of the smallest eigenvalue; NaN where there is no tissue.
+    Real part of the smallest eigenvalue; NaN if there is no tissue around the tip.
     """
     change = DIFFERENCE * length
     try:
@@ -220,31 +227,34 @@ def smallest_turning(beside: Callable[[Floats], Floats], sideways: Floats, lengt
 
 
 class TipSolver:
-    """Finds steps from the end of the path, learning from one for the next.
+    """Computes steps from the end of the path; each step gives initial values for the next.
 
     Parameters
     ----------
     instrument : NeedleInterface
     contact : CondensedContact
-        The path so far.
-    guide : WarmStart, optional
-        What is known from a march nearby.
+        Contact segments of the path so far.
+    warm_start : WarmStart, optional
+        Initial values from an insertion with a nearby entry.
     """
 
     def __init__(
-        self, instrument: NeedleInterface, contact: CondensedContact, guide: WarmStart | None = None
+        self,
+        instrument: NeedleInterface,
+        contact: CondensedContact,
+        warm_start: WarmStart | None = None,
     ) -> None:
         self._instrument, self._contact = instrument, contact
-        self._guide = guide or WarmStart(instrument.axis.entry)
+        self._warm_start = warm_start or WarmStart(instrument.axis.entry)
         lateral = len(instrument.axis.lateral_directions)
         self._slope = np.zeros(lateral)
         self._jacobian = np.eye(lateral)
         self.evaluations = 0
 
     def follow(self, step: TipSolution) -> None:
-        """Expect the next step to go on in the direction of one just made."""
+        """Store the slope of an accepted step as initial value of the next."""
         self._slope = step.slope
-        self._guide.learnt.append((self._slope, self._jacobian))
+        self._warm_start.learnt.append((self._slope, self._jacobian))
 
     # Kernel: one step of path following, a root of the lateral equations of the tip.
     #     n.(X + u(X)) = 0,    s = e.(X + u(X)),    X = X_0 + l (sqrt(1 - a.a) e + a n)
@@ -262,21 +272,21 @@ class TipSolver:
         begin: Floats | None = None,
         tolerance: float = TOLERANCE,
     ) -> TipSolution:
-        """Find the step whose tip is on the axis (Broyden's method; the secant in 2D).
+        """Solve for the step whose tip is on the axis (Broyden's method; the secant method in 2D).
 
         Parameters
         ----------
         last : array, shape (dim,), m
-            Material point at the tip now.
+            Material point at the tip before the step.
         length : float, m
-            Distance of the next one from it.
+            Length of the step.
         depth : float, m, optional
-            When given, the tip's force is what holds the tip at this depth; else it is the
-            cutting force, and the depth follows.
+            If given, the tip force is that which keeps the tip at this depth. If not, the tip force
+            is the cutting force, and the depth is a result.
         begin : array, shape (dim - 1,), optional
-            Slope to begin with; when left out, what the steps before suggest.
+            Initial slope; extrapolated from earlier steps when left out.
         tolerance : float, m
-            Lateral distance of the tip from the axis at which the step is solved.
+            Tolerance of the lateral distance of the tip from the axis.
 
         Raises
         ------
@@ -285,9 +295,9 @@ class TipSolver:
         start = _Start(last, self._instrument.axis)
         slope, jacobian = begin, self._jacobian
         if slope is None:
-            slope, jacobian = self._guide.guess(self._slope, jacobian)
+            slope, jacobian = self._warm_start.guess(self._slope, jacobian)
         steep = math.sqrt(slope @ slope)
-        if steep > STEEPEST:  # an extrapolated direction can be none
+        if steep > STEEPEST:  # an extrapolated slope may exceed 1
             slope = slope * (STEEPEST / steep)
         sideways = slope * length
         step = self._try(start, length, sideways, depth)
@@ -296,16 +306,16 @@ class TipSolver:
                 self._jacobian = jacobian
                 return step
             change = -solved(jacobian, step.residual)
-            wanted = sideways + change
-            size = _norm(wanted)
+            target = sideways + change
+            size = _norm(target)
             if size > STEEPEST * length:
-                wanted *= STEEPEST * length / size
-                change = wanted - sideways
+                target *= STEEPEST * length / size
+                change = target - sideways
             if _norm(change) <= STALLED * length:
                 break
-            new = self._try(start, length, wanted, depth)
+            new = self._try(start, length, target, depth)
             jacobian = _updated(jacobian, change, step.residual, new.residual)
-            sideways, step = wanted, new
+            sideways, step = target, new
         begin = slope * length
         turning = smallest_turning(
             lambda across: self._try(start, length, across, depth).residual, begin, length
@@ -315,23 +325,25 @@ class TipSolver:
     def solve_to(
         self, last: Vector, depth: float, length: float, rate: float
     ) -> TipSolution | None:
-        """Find the step that ends at a depth: its length together with its direction.
-
-        Broyden's method for both. None: not found from this guess.
+        """Solve for the length and the slope of a step that ends at a depth (Broyden's method).
 
         Parameters
         ----------
         last : array, shape (dim,), m
-            Material point at the tip now.
+            Material point at the tip before the step.
         depth : float, m
-            Where the step ends.
+            Depth at the end of the step.
         length : float, m
-            Guess; a march nearby knows a better one.
+            Initial length, unless an insertion with a nearby entry gives a better one.
         rate : float
-            Depth gained over length, about.
+            Approximate depth gained per length.
+
+        Returns
+        -------
+        The step, or None if the iteration does not converge from these initial values.
         """
         start, slope = _Start(last, self._instrument.axis), self._slope
-        number, known = len(self._guide.learnt), self._guide.guess_last()
+        number, known = len(self._warm_start.learnt), self._warm_start.guess_last()
         if known is None:
             jacobian = np.eye(len(slope) + 1)
             jacobian[0, 0], jacobian[1:, 1:] = rate, length * self._jacobian
@@ -354,7 +366,7 @@ class TipSolver:
             error = reached
             if abs(error[0]) <= ROUND_OFF and abs(error[1:]).max() <= TOLERANCE:
                 turned = step.slope - slope
-                self._guide.last = LastStep(number, float(unknown[0]), turned, jacobian)
+                self._warm_start.last = LastStep(number, float(unknown[0]), turned, jacobian)
                 return step if jacobian[0, 0] > 0.0 else None
             change = -solved(jacobian, error)
             unknown = unknown + change
@@ -363,19 +375,19 @@ class TipSolver:
     def _try(
         self, start: "_Start", length: float, sideways: Floats, depth: float | None
     ) -> TipSolution:
-        """Put the tip `length` further along the path, `sideways` of it across the axis."""
+        """Return the step of a length whose lateral component is `sideways`."""
         self.evaluations += 1
         instrument, axis = self._instrument, self._instrument.axis
         last, forward = start.point, math.sqrt(length**2 - sideways @ sideways)
         tip = last + forward * axis.direction + sideways @ axis.lateral_directions
-        weights = instrument.tip_and_piece(tip, last)
+        weights = instrument.tip_and_segment(tip, last)
         trial = self._contact.trial(weights)
         limit, friction = instrument.resistance(weights)
         friction *= length
-        hold = 1.0 / (instrument.lateral_penalty * length)
+        penalty = 1.0 / (instrument.lateral_penalty * length)
         before, here = start.offset, start.offset + sideways
         offset = 0.5 * (here + before)
-        lateral, moved = _eliminated(trial, friction, offset, hold)
+        lateral, moved = _eliminated(trial, friction, offset, penalty)
         ahead = start.along + forward
         force = limit if depth is None else float((depth - ahead - moved[0, 0]) / moved[0, 1])
         return TipSolution(
@@ -387,14 +399,14 @@ class TipSolver:
             friction=friction,
             lateral=lateral[:, 0] + force * lateral[:, 1],
             offset=offset,
-            compliance=hold,
+            compliance=penalty,
             residual=here + moved[1:, 0] + force * moved[1:, 1],
             slope=sideways / length,
         )
 
 
 class _Start:
-    """Where a step starts: a material point, its offset from the axis and its place along it."""
+    """Start of a step: a material point, its lateral offset and its axial coordinate."""
 
     def __init__(self, point: Vector, axis: InsertionAxis) -> None:
         self.point, self.offset = point, axis.lateral_offset(point)
@@ -402,18 +414,21 @@ class _Start:
 
 
 def _eliminated(
-    trial: ContactTrial, friction: float, offset: Floats, hold: float
+    trial: ContactTrial, friction: float, offset: Floats, penalty: float
 ) -> tuple[Floats, Floats]:
-    """Return the piece's lateral force and the tip's displacement when the piece is held.
+    """Eliminate the lateral force of the new segment.
 
-    Shapes (dim - 1, 2) and (dim, 2). Columns: constant part, and part per unit of tip force.
+    Returns
+    -------
+    Lateral force on the segment, shape (dim - 1, 2), and displacement of the tip, shape (dim, 2).
+    The columns are the constant part and the part per unit of tip force.
     """
     compliance, dim = trial.compliance, len(offset) + 1
-    if dim == 2:  # one number is left to solve for: arrays would cost more than all the rest
+    if dim == 2:  # one unknown: arrays would cost more than the rest of the computation
         (c00, _, c02, c03), (c10, _, c12, c13), _, (c30, _, c32, c33) = compliance.tolist()
         d0, d1, _, d3 = trial.displacement.tolist()
-        held = -1.0 / (c33 + hold)
-        push, rate = held * (d3 + friction * c32 + float(offset[0])), held * c30
+        inverse = -1.0 / (c33 + penalty)
+        push, rate = inverse * (d3 + friction * c32 + float(offset[0])), inverse * c30
         along = d0 + friction * c02 + c03 * push, c00 + c03 * rate
         across = d1 + friction * c12 + c13 * push, c10 + c13 * rate
         return np.array([[push, rate]]), np.array([along, across])
@@ -421,24 +436,24 @@ def _eliminated(
     parts[:, 0] = trial.displacement + friction * parts[:, 0]
     rhs = parts[dim + 1 :].copy()
     rhs[:, 0] += offset
-    stiff = compliance[dim + 1 :, dim + 1 :] + hold * np.eye(dim - 1)
-    lateral: Floats = -np.linalg.solve(stiff, rhs).astype(float)
+    matrix = compliance[dim + 1 :, dim + 1 :] + penalty * np.eye(dim - 1)
+    lateral: Floats = -np.linalg.solve(matrix, rhs).astype(float)
     return lateral, parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
 
 
 def _largest(values: Floats) -> float:
-    """Return the largest absolute value of an array of the size of the lateral directions."""
+    """Return the largest absolute value of a small array."""
     return float(max(map(abs, values.tolist())))
 
 
 def _norm(values: Floats) -> float:
-    """Return the Euclidean norm of an array of that size."""
+    """Return the Euclidean norm of a small array."""
     return math.hypot(*values.tolist())
 
 
 def _updated(jacobian: Floats, change: Floats, before: Floats, after: Floats) -> Floats:
-    """Return derivatives that agree with the last change of residuals (Broyden's update)."""
-    if len(change) == 1:  # the secant: arrays would cost more than the arithmetic
+    """Return the Jacobian after Broyden's update with the last change of the residuals."""
+    if len(change) == 1:  # the secant method: arrays would cost more than the arithmetic
         known, moved = float(jacobian[0, 0]), float(change[0])
         wrong = float(after[0]) - float(before[0]) - known * moved
         return np.array([[known + wrong * (moved / (moved * moved))]])
@@ -448,7 +463,7 @@ def _updated(jacobian: Floats, change: Floats, before: Floats, after: Floats) ->
 
 
 def solved(matrix: Floats, rhs: Floats) -> Floats:
-    """Solve a small system; one equation is all that lateral directions in the plane need."""
+    """Solve a small linear system; in the plane it is one equation."""
     if len(matrix) == 1:
         return rhs / float(matrix[0, 0])
     return np.linalg.solve(matrix, rhs).astype(float)

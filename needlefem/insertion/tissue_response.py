@@ -23,20 +23,20 @@ from needlefem.fem.factorization import Factor
 from needlefem.fem.tissue_model import TissueModel
 
 MOST_SHARED_UNKNOWNS = 10_000
-"""Unknowns up to which columns are taken wherever they cost at most `MARGIN` times single loads,
-for the products that follow cost less with them."""
+"""Number of unknowns up to which columns are used if they cost at most `MARGIN` times the single
+loads, because the products that follow cost less with columns."""
 MARGIN = 2.0
 MOST_CORRIDOR_UNKNOWNS = 12_000
 """Unknowns of a corridor above which the compliance between its nodes needs too much memory."""
 TOUCHED = 0.5
-"""Part of a corridor's unknowns that needles touch: 0.43 to 0.53 in four meshes."""
+"""Share of the unknowns of a corridor that needles load: 0.43 to 0.53 in four meshes."""
 FIRST, NEXT = 16, 5
-"""Loads for each segment of the path, of a first insertion and of one that starts from another's
-solution: 16 to 20 and 4 to 7 in four meshes."""
+"""Loads for each segment of the path, in a first insertion and in one with a warm start: 16 to 20
+and 4 to 7 in four meshes."""
 EACH_STEP = 40
-"""Loads of a time step: 35 to 45 in three scenes with stick-slip friction."""
+"""Loads for each time step: 35 to 45 in three scenes with stick-slip friction."""
 DENSE = 1_000.0
-"""Operations of a matrix product that take as long as a back-substitution takes for one unknown."""
+"""Operations of a matrix product that take as long as a back-substitution for one unknown."""
 
 
 class ExpectedLoads(NamedTuple):
@@ -46,7 +46,7 @@ class ExpectedLoads(NamedTuple):
     ----------
     corridor : Corridor
     loads : int
-        Their number; each is one right-hand side if it is solved for by itself.
+        Number of loads. Without shared columns each of them is one right-hand side.
     """
 
     corridor: Corridor
@@ -54,31 +54,31 @@ class ExpectedLoads(NamedTuple):
 
     @classmethod
     def of_path(cls, corridor: Corridor, segments: int, insertions: int) -> "ExpectedLoads":
-        """Return the loads of insertions by path following, with so many segments each."""
+        """Return the loads of insertions by path following with a number of segments each."""
         return cls(corridor, segments * (FIRST + NEXT * (insertions - 1)))
 
     @classmethod
     def of_steps(cls, corridor: Corridor, steps: int, insertions: int) -> "ExpectedLoads":
-        """Return the loads of insertions by time stepping, with so many steps each."""
+        """Return the loads of insertions by time stepping with a number of steps each."""
         return cls(corridor, EACH_STEP * steps * insertions)
 
 
 def responses_of(
     model: TissueModel, factor: Factor | None = None, expected: ExpectedLoads | None = None
 ) -> ComplianceOperator:
-    """Return the responses of a tissue's stiffness, or of a step's factorised operator.
+    """Return the compliance operator of the stiffness matrix, or of the operator of a step.
 
-    Of columns for all nodes that needles touch, columns through a condensed corridor, and one
-    back-substitution for each load, those that are expected to cost least; the results agree to
-    round-off.
+    The method with the smallest expected cost is chosen: columns for all nodes that needles load,
+    columns through a condensed corridor, or one back-substitution for each load. The results agree
+    to round-off.
 
     Parameters
     ----------
     model : TissueModel
     factor : Factor, optional
-        Of the step's operator; that of K when left out.
+        Factorised operator of a step; that of the stiffness matrix when left out.
     expected : ExpectedLoads, optional
-        Without them the number of unknowns decides alone.
+        When left out, only the number of unknowns decides.
     """
     few = len(model.free_dofs) <= MOST_SHARED_UNKNOWNS
     if expected is None:
@@ -101,11 +101,11 @@ def responses_of(
 
 
 def corridor_cost(model: TissueModel, inner: Bools) -> float:
-    """Return what columns through a condensed corridor cost, in back-substitutions.
+    """Return the cost of columns through a condensed corridor, in back-substitutions.
 
-    With n unknowns, of which ni lie in the corridor, nb around it and R are touched, these are nb
-    with the whole factor, R + nb with the corridor's own, and the products of ni nb^2 and R^2 nb
-    operations, twice each.
+    With n unknowns, ni of them in the corridor, nb adjacent to it and R loaded, the cost is nb
+    back-substitutions with the whole factor, R + nb with the factor of the corridor, and matrix
+    products of 2 (ni nb^2 + R^2 nb) operations.
 
     Parameters
     ----------
@@ -121,62 +121,76 @@ def corridor_cost(model: TissueModel, inner: Bools) -> float:
 
 
 class TissueResponse(Protocol):
-    """A tissue in time.
+    """Response of the tissue to needle forces, step by step.
 
     Attributes
     ----------
     responses : ComplianceOperator
-        Of the operator of the step that has begun.
-    background : array, shape (nnodes, dim), m, or None
-        Displacement at its end without the needle; None: none.
-    timeless : bool
-        Whether a step may be of any duration, and cut short where something happens.
-    inertial : bool
-        Whether velocity persists.
+        Compliances of the operator of the step that has begun.
+    free_displacement : array, shape (nnodes, dim), m, or None
+        Displacement at the end of the step without needle forces; None: zero.
+    rate_independent : bool
+        Whether the response is independent of the duration of a step. Then a step can end where an
+        event occurs.
+    has_inertia : bool
+        Whether the tissue has mass.
     """
 
     responses: ComplianceOperator
-    background: Floats | None
-    timeless: bool
-    inertial: bool
+    free_displacement: Floats | None
+    rate_independent: bool
+    has_inertia: bool
 
     def begin(self, duration: float) -> None:
-        """Prepare a step."""
+        """Begin a step of a duration, s."""
         ...
 
-    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> Floats | None:
-        """Return how pieces of a needle swing along a direction (`CondensedContact`), or None."""
+    def inertial_drift(
+        self, segments: Sequence[ContactSegment], direction: Vector
+    ) -> Floats | None:
+        """Return how far contact segments move by inertia in the step, or None without inertia.
+
+        Parameters
+        ----------
+        segments : sequence of ContactSegment
+        direction : array, shape (dim,)
+            Unit vector of the needle axis.
+
+        Returns
+        -------
+        Array, shape (3, nsegments); see `CondensedContact`.
+        """
         ...
 
     def finish(self, load: Floats) -> None:
-        """End the step under the needle's forces, shape (ndofs,), N.
+        """End the step with the needle forces at its end, shape (ndofs,), N (N/m in 2D).
 
         Forces that change at the end of the step (advance at fixed depth) are given in sequence.
         """
         ...
 
     def energies(self) -> dict[str, float]:
-        """Return energies by their name in the ledger that the needle can't know, J (J/m in 2D)."""
+        """Return the energies that are computed from the tissue alone, by name, J (J/m in 2D)."""
         ...
 
 
 class ElasticResponse:
-    """Equilibrium at every time, without a memory; see `TissueResponse`."""
+    """Elastic equilibrium; see `TissueResponse`."""
 
-    timeless, inertial = True, False
-    background: Floats | None = None
+    rate_independent, has_inertia = True, False
+    free_displacement: Floats | None = None
 
     def __init__(self, responses: ComplianceOperator) -> None:
         self.responses = responses
 
     def begin(self, duration: float) -> None:
-        """See `TissueResponse`: there is nothing to prepare."""
+        """See `TissueResponse`; elastic tissue needs no preparation."""
 
-    def swing(self, pieces: Sequence[ContactSegment], direction: Vector) -> None:
+    def inertial_drift(self, segments: Sequence[ContactSegment], direction: Vector) -> None:
         """See `TissueResponse`."""
 
     def finish(self, load: Floats) -> None:
-        """See `TissueResponse`: there is nothing to remember."""
+        """See `TissueResponse`; elastic tissue stores no state."""
 
     def energies(self) -> dict[str, float]:
         """See `TissueResponse`."""

@@ -132,7 +132,7 @@ def search_record(name: str, solution: SearchResult) -> dict[str, Any]:
 
 
 def energy_record(found: EnergyTerms) -> dict[str, Any]:
-    """Return the terms of an energy ledger, J (J/m in 2D), and how well it closes."""
+    """Return the energy terms, J (J/m in 2D), and the residual of the energy balance."""
     return dataclasses.asdict(found) | {
         "residual": found.residual,
         "largest_energy_gain": found.largest_energy_gain,

@@ -48,7 +48,7 @@ def writing(path: str | Path) -> Iterator[None]:
     except ValueError as error:
         if "\0" not in str(path):
             raise
-        raise OutputError(f"can't write {str(path)!r}: it is no path") from error
+        raise OutputError(f"can't write {str(path)!r}: it is not a path") from error
 
 
 @contextmanager
@@ -83,7 +83,7 @@ def _refuse_other_kinds(path: Path) -> None:
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, REASONS[errno.EISDIR])
     if not stat.S_ISREG(mode):
-        raise OSError(errno.EINVAL, "it is no regular file")
+        raise OSError(errno.EINVAL, "it is not a regular file")
 
 
 def probe(path: str | Path) -> None:
@@ -184,7 +184,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 fcntl: Any = import_module("fcntl") if os.name == "posix" else None
-"""Locks; without them, on Windows, simultaneous runs are not told apart."""
+"""File locks; without them (on Windows) two simultaneous runs in one folder are not detected."""
 
 MARK = ".needlefem.json"
 """File that says what is in a folder whose result is not complete."""
@@ -240,7 +240,7 @@ class ResultFolder:
             return
         old = ours(self.path, self.command)
         if old and held_by(self.path) is None:
-            problem = f"'{self.path}' holds '{old[0]}', which is no result of this command"
+            problem = f"'{self.path}' holds '{old[0]}', which is not a result of this command"
             raise CaseError(self.key, problem, "give another folder")
         self._mark(RUNNING)  # before anything is removed
         self.begun = True

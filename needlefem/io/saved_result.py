@@ -198,7 +198,7 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
     Raises
     ------
     CaseError
-        It can't be read, was cut, lacks a column, or a cell is no number.
+        It can't be read, was cut, lacks a column, or a cell is not a number.
     """
     text = read_text(path, KEY, remedy=ANEW, largest=LARGEST_DATA)
     if not text.strip():

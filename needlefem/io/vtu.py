@@ -245,15 +245,16 @@ class _Recorder:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class History:
-    """What to keep of a motion, and where.
+    """Records of a motion that are written during the computation.
 
     Parameters
     ----------
     folder : str or Path
-        Gets ``insertion.csv`` (a line a state: time, depth, speed, material at the tip, forces,
-        what sticks and slips, where seeds are), ``events.csv``, and ``shaft.csv``.
+        Folder for ``insertion.csv`` (one line per state: time, depth, speed, material point at the
+        tip, forces, numbers of sticking and slipping segments, positions of seeds), ``events.csv``,
+        and ``shaft.csv``.
     every : int
-        States between those whose shaft is written, piece by piece, to ``shaft.csv``; 0: none.
+        ``shaft.csv`` contains the contact segments of every n-th state; 0: none.
     """
 
     folder: str | Path
@@ -329,13 +330,13 @@ class _Writer:
         self.events()
 
     def events(self) -> None:
-        """Write what happened since, and forget it."""
+        """Write the events since the last call."""
         for event in self._course.take_events():
             _line(self._events, _event_row(event))
 
     def shaft(self, state: State) -> None:
-        pieces = state.filled(self._course.pieces)
-        lengths = np.array([_length(piece.compliance, self._stiffness) for piece in pieces])
+        segments = state.filled(self._course.segments)
+        lengths = np.array([_length(segment.compliance, self._stiffness) for segment in segments])
         ends = np.cumsum(lengths)
         slipping = _slipping(state)
         for number in np.flatnonzero(lengths):
@@ -354,13 +355,13 @@ class _Writer:
 
 
 def _slipping(state: State) -> Floats:
-    """Return the way in which every piece slips; on a march all slip forward."""
+    """Return the direction of slip of each segment; in path following all slip forward."""
     found = np.ones(len(state.friction_force)) if state.slipping is None else state.slipping
     return np.asarray(found, dtype=float)
 
 
 def _length(compliance: float, stiffness: float) -> float:
-    """Return the length of a piece, m; the entry point has none."""
+    """Return the length of a contact segment, m; zero for the entry point."""
     return 1.0 / (compliance * stiffness) if compliance > 0.0 else 0.0
 
 

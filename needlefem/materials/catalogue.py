@@ -83,7 +83,7 @@ def law_class(name: str, key: str) -> type:
     Raises
     ------
     CaseError
-        The name does not exist (the most similar one is given), or the class is no dataclass.
+        The name does not exist (the most similar one is given), or the class is not a dataclass.
     """
     if not _plugin.is_foreign(name):
         known = matching(name, LAWS)
@@ -92,7 +92,7 @@ def law_class(name: str, key: str) -> type:
         return LAWS[known]
     found = _plugin.load(name, key)
     if not (isinstance(found, type) and dataclasses.is_dataclass(found)):
-        raise CaseError(key, f"'{name}' is no dataclass", "see docs/how-to/own-material.md")
+        raise CaseError(key, f"'{name}' is not a dataclass", "see docs/how-to/own-material.md")
     return found
 
 
@@ -152,5 +152,5 @@ def _given(text: str, declared: ParameterInfo | None, key: str, *, several: bool
         try:
             values = tuple(float(part) for part in parts)
         except ValueError:
-            raise CaseError(key, f"'{text}' is no number", "write a number") from None
+            raise CaseError(key, f"'{text}' is not a number", "write a number") from None
     return values if several or len(values) > 1 else values[0]

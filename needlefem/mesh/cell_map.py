@@ -43,7 +43,7 @@ def cell_map(mesh: SkfemMesh) -> CellMap:
     """Return the map of a mesh with straight edges; raise a `CaseError` for curved ones."""
     if mesh.p.shape[1] != len(np.unique(mesh.t)):
         remedy = "use a mesh with straight edges"
-        raise CaseError("mesh", "points can't be found in cells with curved edges", remedy)
+        raise CaseError("mesh", "points cannot be located in cells with curved edges", remedy)
     return AffineMap(mesh) if is_simplicial(mesh) else BilinearMap(mesh)
 
 

@@ -164,12 +164,10 @@ def _move_to_contour(
         else:
             size = 1e3 * float(np.linalg.norm(mesh.p[:, near] - mesh.p[:, far]))
             stuck = [int(kept[v]) for v in (near, far) if kept[v] >= 0]
-            problem = f"edges of {size:.3g} mm can't follow {names[0]}"
+            problem = f"edges of {size:.3g} mm cannot represent {names[0]}"
             if stuck:
                 near_to = names[1 + stuck[0]]
-                problem = (
-                    f"{names[0]} comes nearer to {near_to} than edges of {size:.3g} mm resolve"
-                )
+                problem = f"{names[0]} is closer to {near_to} than edges of {size:.3g} mm resolve"
             _refuse(problem, place[edge])
     return points, on_line
 

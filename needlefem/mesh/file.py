@@ -142,7 +142,7 @@ def plane_mesh(contents: Contents, unit: float) -> PlaneMesh:
     corners = np.vstack([block.nodes[:, : block.corners] for block in areas])
     cells, members, again = _once(corners, areas)
     if again:
-        repairs.append(f"{again} cells are there twice: they are taken once.")
+        repairs.append(f"{again} cells are duplicated: each is used once.")
     number = np.full(len(contents.points), -1)
     number[used] = np.arange(len(used))
     kind = MeshTri if cells.shape[1] == 3 else MeshQuad
@@ -166,9 +166,9 @@ def _refuse(problem: str, remedy: str) -> None:
 
 def _refuse_without_cells(contents: Contents) -> None:
     if any(block.dim == 3 and len(block.nodes) for block in contents.cells):
-        _refuse("it holds cells of a volume alone", "save a plane section as triangles")
+        _refuse("it contains only cells of a volume", "save a plane section as triangles")
     count = sum(len(block.nodes) for block in contents.cells if block.dim == 1)
-    problem = f"it holds {count} lines and no cells" if count else "it holds no cells"
+    problem = f"it holds {count} lines and no cells" if count else "it contains no cells"
     _refuse(problem, "mesh the surface, and save triangles or quadrilaterals")
 
 

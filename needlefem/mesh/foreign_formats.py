@@ -38,7 +38,7 @@ PACKAGES = {"netCDF4": "netCDF4", "h5py": "h5py", "lxml": "lxml"}
 """Modules that some readers of meshio need, and their packages."""
 OWN_GROUPS = ("skfem:s:", "skfem:b:")
 """Beginnings of the names of cell data in which scikit-fem stores subdomains and boundaries."""
-REMEDY = "give a mesh that is whole, such as Gmsh's .msh of version 4.1"
+REMEDY = "give a complete mesh file, such as Gmsh's .msh of version 4.1"
 
 
 class _Shape(NamedTuple):
@@ -120,10 +120,10 @@ def serve(path: str, memory: int) -> None:
             "remedy": f"pip install {package}, or give Gmsh's .msh",
         }
     except MemoryError:
-        arrays, told = {}, {"problem": "its counts ask for more memory than it can fill"}
+        arrays, told = {}, {"problem": "its counts exceed the size of the file"}
     except SystemExit:  # meshio exits if no reader accepts the file
         said = [line for line in printed.getvalue().splitlines() if line.strip()]
-        arrays, told = {}, {"problem": _short(said[-1]) if said else "no reader takes it"}
+        arrays, told = {}, {"problem": _short(said[-1]) if said else "no reader accepts it"}
     except Exception as error:  # any failure is reported to the caller
         text = _short(f"its reader raised {type(error).__name__}: {error}".rstrip(": "))
         arrays, told = {}, {"problem": text}
@@ -145,7 +145,7 @@ def _read(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
     known = meshio.extension_to_filetypes
     name = Path(path).name.lower()
     if not any(name.endswith(ending) for ending in known):
-        problem = f"'{Path(path).suffix}' is no ending of a mesh file"
+        problem = f"'{Path(path).suffix}' is not the extension of a mesh file"
         told.update(problem=problem, remedy="give Gmsh's .msh, .vtu, .inp or another of meshio's")
         return
     found = meshio.read(path)
@@ -214,7 +214,7 @@ def _contents(told: dict[str, Any], arrays: dict[str, Any]) -> Contents:
     for index, name in enumerate(told["point_sets"]):
         members = arrays[f"nodes{index}"]
         if members.size and (members.min() < 0 or members.max() >= len(points)):
-            raise UnreadableMeshError(f"node set '{name}' has nodes that are not there", REMEDY)
+            raise UnreadableMeshError(f"node set '{name}' has nodes that do not exist", REMEDY)
         point_sets[name] = members
     notes = []
     facets = _facets_of_scikit_fem(told, arrays)
@@ -259,7 +259,7 @@ def _names_of(
     for index, name in enumerate(told["cell_sets"]):
         members = arrays.get(f"set{index},{number}", np.zeros(0, dtype=np.int64))
         if members.size and (members.min() < 0 or members.max() >= count):
-            raise UnreadableMeshError(f"set '{name}' has cells that are not there", REMEDY)
+            raise UnreadableMeshError(f"set '{name}' has cells that do not exist", REMEDY)
         found.setdefault(name, []).append(members)
     return {name: np.unique(np.concatenate(parts)) for name, parts in found.items()}
 

@@ -228,7 +228,7 @@ def name_regions(
     chosen = dict(groups or {})
     chosen |= {name: np.flatnonzero(c.contains(centroids)) for name, c in contours.items()}
     if BACKGROUND in chosen:
-        problem = "that is the name of all that lies outside the regions"
+        problem = "this name is reserved for the tissue outside of all regions"
         raise CaseError(f"regions.{BACKGROUND}", problem, "give the region another name")
     for number, members in enumerate(chosen.values(), start=1):
         owner[members] = number
@@ -240,9 +240,9 @@ def name_regions(
             if name in contours and not chosen[name].size:
                 size = 0.25e3 * np.sqrt(contours[name].area)
                 remedy = f"refine the mesh, to {size:.2g} mm there, or check the contour's offset"
-                raise CaseError(f"regions.{name}", "no mesh cell lies in the contour", remedy)
+                raise CaseError(f"regions.{name}", "no mesh cell is in the contour", remedy)
             what = "in the contour" if name in contours else "of the group"
-            problem = f"all cells {what} are in regions that come later"
-            remedy = "put a region before those that lie in it, and give each cells of its own"
+            problem = f"all cells {what} are in later regions"
+            remedy = "list a region before the regions inside of it; each needs cells of its own"
             raise CaseError(f"regions.{name}", problem, remedy)
     return mesh.with_subdomains(cells)

@@ -54,7 +54,7 @@ class _Text:
         try:
             self._values = np.array(body.split(), dtype=float)
         except ValueError as error:
-            _refuse(f"section ${name} holds something that is no number ({_told(error)})")
+            _refuse(f"section ${name} holds something that is not a number ({_told(error)})")
 
     def table(self, rows: int, *columns: tuple[str, int]) -> list[Any]:
         """Return the next rows of columns, each (kind, width): "i" int, "s" size, "d" float."""
@@ -130,7 +130,7 @@ def _told(error: Exception) -> str:
 
 def _whole(values: Floats, section: str) -> Ints:
     if not np.all(np.abs(values) < 2.0**53) or np.any(values != np.trunc(values)):
-        _refuse(f"section ${section} has a fraction where a whole number belongs")
+        _refuse(f"section ${section} has a fraction where an integer is required")
     return values.astype(np.int64)
 
 
@@ -258,7 +258,7 @@ def _count_2(section: _Section) -> int:
         return _row(section, "i")[0]
     line = section.line()
     if not line.isdigit():
-        _refuse("a count is no whole number: the file is damaged")
+        _refuse("a count is not an integer: the file is damaged")
     return int(line)
 
 
@@ -399,7 +399,7 @@ def _contents(
         place = np.minimum(np.searchsorted(ranked, nodes), len(ranked) - 1)
         if nodes.size and (not len(ranked) or np.any(ranked[place] != nodes)):
             lost = nodes[ranked[place] != nodes][0] if len(ranked) else nodes.ravel()[0]
-            _refuse(f"a cell has node {lost}, which the file does not hold")
+            _refuse(f"a cell has node {lost}, which is not in the file")
         called = set()
         for group in groups:
             key = kind.dim, group

@@ -205,7 +205,7 @@ def check_entry(entry: Entry, direction: Vector, held: Ints) -> None:
     `held` are the facets of all supports.
     """
     if entry.inward @ direction < STEEPEST:
-        problem = f"the needle meets the skin at {place_text(entry.point)} almost along it"
+        problem = f"the needle is almost parallel to the skin at {place_text(entry.point)}"
         raise CaseError("motion.direction", problem, "choose a steeper direction")
     if entry.facet in held:
         problem = f"the face at {place_text(entry.point)} is fixed by a support"

@@ -194,7 +194,7 @@ class InsertionAxis:
 
 ROUND_OFF = 1e-12
 """Distance outside of the skin that counts as zero, relative to the path spacing."""
-PIECE_POINTS = 5
+SEGMENT_POINTS = 5
 """Gauss points along a contact segment. More have no effect for element sizes >= spacing / 3."""
 
 
@@ -235,12 +235,12 @@ class NeedleInterface(Lasting):
     inward: Vector
 
     @cached_property
-    def piece_rule(self) -> tuple[Floats, Floats, Floats]:
+    def segment_rule(self) -> tuple[Floats, Floats, Floats]:
         """Points of a segment: shares of its length, offsets across it (m), weights (sum 1)."""
-        nodes, weights = gauss_legendre(PIECE_POINTS)
+        nodes, weights = gauss_legendre(SEGMENT_POINTS)
         across, across_weights = self.section
         share = np.repeat(0.5 * (nodes + 1.0), len(across))[:, None]
-        offsets = np.tile(across @ self.axis.lateral_directions, (PIECE_POINTS, 1))
+        offsets = np.tile(across @ self.axis.lateral_directions, (SEGMENT_POINTS, 1))
         both = np.outer(weights, across_weights).ravel()
         return share, offsets, both / both.sum()
 
@@ -254,7 +254,7 @@ class NeedleInterface(Lasting):
         rows = np.zeros(len(points), dtype=np.intp)
         return self.interpolation.means(points, weights, rows, 1)
 
-    def tip_and_piece(self, point: Vector, last: Vector) -> LinearFunctionals:
+    def tip_and_segment(self, point: Vector, last: Vector) -> LinearFunctionals:
         """Return the means over the tip kernel (row 0) and over the tip's segment (row 1).
 
         Parameters
@@ -268,9 +268,9 @@ class NeedleInterface(Lasting):
         """Return the cutting force of row 0 and the friction limit of row 1 of functionals."""
         return self._behind.resistance(weights)
 
-    def pieces(self, vertices: Points) -> LinearFunctionals:
+    def segments(self, vertices: Points) -> LinearFunctionals:
         """Return the means over the segments between the vertices of a path, shape (n, dim), m."""
-        share, offsets, weights = self.piece_rule
+        share, offsets, weights = self.segment_rule
         ahead = np.diff(vertices, axis=0)[:, None]
         under = (vertices[:-1] - self.axis.entry) @ self.inward
         heights = under[:, None] + offsets @ self.inward
@@ -294,10 +294,10 @@ class _TipSegmentFunctionals:
     """Functionals of the tip kernel and of the tip's segment; stores what all calls share."""
 
     def __init__(self, instrument: NeedleInterface) -> None:
-        # no reference to the instrument, which owns this object: both are freed together
+        # no reference to the interface, which owns this object: both are freed together
         self._quadrature = instrument.kernel
         self._fields = (instrument.cutting_force, instrument.shaft_friction)
-        share, self._piece_offsets, self._piece_weights = instrument.piece_rule
+        share, self._segment_offsets, self._segment_weights = instrument.segment_rule
         self._kernel, _ = instrument.kernel.rule(instrument.axis.entry)
         count = len(self._kernel)  # the kernel has the same number of points at all centres
         self._share: Floats = np.concatenate([np.ones((count, 1)), share])
@@ -306,7 +306,7 @@ class _TipSegmentFunctionals:
         rows = np.repeat([0, 1], [count, len(share)])
         self._follower = Follower(instrument.interpolation, rows, 2)
         self._inward = instrument.inward
-        self._heights = self._piece_offsets @ instrument.inward
+        self._heights = self._segment_offsets @ instrument.inward
         self._skin = float(instrument.inward @ instrument.axis.entry)
         self._wholly_inside = (
             self._skin - float(self._heights.min()) - ROUND_OFF * instrument.spacing
@@ -315,12 +315,12 @@ class _TipSegmentFunctionals:
         self._resistances: Floats = np.zeros((0, 2))
 
     def means(self, point: Vector, last: Vector) -> LinearFunctionals:
-        """See `NeedleInterface.tip_and_piece`."""
+        """See `NeedleInterface.tip_and_segment`."""
         kernel, weights = self._quadrature.rule(point)
         if kernel is not self._kernel or not self._weights.size:
             self._kernel = kernel
-            self._offsets = np.concatenate([kernel, self._piece_offsets])
-            self._weights = np.concatenate([weights, self._piece_weights])
+            self._offsets = np.concatenate([kernel, self._segment_offsets])
+            self._weights = np.concatenate([weights, self._segment_weights])
         share, weights = self._share, self._weights
         height = float(self._inward @ last)
         if height < self._wholly_inside:

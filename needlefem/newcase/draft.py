@@ -290,7 +290,7 @@ class CaseRequest:
         found = parse_quantity(self.margin, "length", "--margin")
         if not 0.0 < found <= WIDEST:
             remedy = f"give a length above 0 and up to {WIDEST:g} m"
-            raise CaseError("--margin", f"'{self.margin}' is no margin", remedy)
+            raise CaseError("--margin", f"'{self.margin}' is not a margin", remedy)
         return found
 
 
@@ -306,7 +306,7 @@ def point_of(text: str, dim: int, key: str) -> Vector:
     _, _, unit = last.strip().partition(" ")
     example = ", ".join("12.5" for _ in range(dim))
     if len(first) + 1 != dim or not unit:
-        problem = f"'{text}' is no point" if unit else f"'{text}' has no unit"
+        problem = f"'{text}' is not a point" if unit else f"'{text}' has no unit"
         raise CaseError(key, problem, f"write {dim} numbers and a unit: '{example} mm'")
     texts = [*(f"{number.strip()} {unit}" for number in first), last.strip()]
     found = np.array([parse_quantity(one, "length", key) for one in texts])
@@ -325,6 +325,6 @@ def direction_of(text: str, dim: int, key: str) -> Vector:
     largest = float(np.abs(found).max(initial=0.0))
     if len(found) != dim or not LENGTHS[0] <= largest <= LENGTHS[1]:
         remedy = f"write {dim} plain numbers, not all zero, separated by commas"
-        raise CaseError(key, f"'{text}' is no direction", remedy)
+        raise CaseError(key, f"'{text}' is not a direction", remedy)
     unit: Vector = found / np.linalg.norm(found)
     return unit

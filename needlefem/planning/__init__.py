@@ -1,8 +1,8 @@
-"""Planning: from where and how deep to insert, so that the seed ends on the target.
+"""Planning: the entry and depth at which a seed has to be released to come to rest at the target.
 
-A planner simulates insertions and searches over their offsets. The error estimate says what mesh
-and tip kernel do to the placement; a plan is refined until it meets the accuracy that is asked
-for. Plans are made with `needlefem.plan`.
+A planner simulates insertions and searches over their lateral offsets. The error estimate is the
+effect of the mesh and the tip kernel on the final position. A plan is refined until the stated
+error is at most the requested accuracy. Plans are made with `needlefem.plan`.
 """
 
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         path_error,
     )
     from needlefem.planning.planner import Planner, carry_out
-    from needlefem.planning.reading import InsertionReader, Why, at_jump
+    from needlefem.planning.reading import InsertionReader, Why, at_rupture
     from needlefem.planning.result import (
         BlockedRelease,
         ErrorEstimate,
@@ -65,7 +65,7 @@ __all__ = [
     "SearchResult",
     "SearchStatus",
     "Why",
-    "at_jump",
+    "at_rupture",
     "carry_out",
     "displacement_on",
     "estimate",
@@ -87,7 +87,7 @@ if not TYPE_CHECKING:
         adaptive="MeshSizes ReferenceSolution placed_on reference true_error",
         error_estimate="NoEstimateError displacement_on estimate finer_tissue path_error",
         planner="Planner carry_out",
-        reading="InsertionReader Why at_jump",
+        reading="InsertionReader Why at_rupture",
         result=(
             "BlockedRelease ErrorEstimate Evidence Headline Plan PlanStatus RefinementStep "
             "RejectedDirection Release headline"

@@ -1,4 +1,4 @@
-"""Plans on one discretisation or on a sequence of refined ones, and reference solutions."""
+"""Plans on one discretization or on a sequence of refined ones, and reference solutions."""
 
 import dataclasses
 import math
@@ -29,14 +29,14 @@ from needlefem.scene.resolve import cell_shape
 
 
 class Stopwatch:
-    """Seconds between laps; laps of one name add up."""
+    """Seconds between calls of `lap`, summed by name."""
 
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
-        """End a lap."""
+        """Add the time since the last call to a name."""
         now = time.perf_counter()
         self.laps[name] = self.laps.get(name, 0.0) + now - self._last
         self._last = now
@@ -44,7 +44,7 @@ class Stopwatch:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class PlanRequest:
-    """What to plan for, and how.
+    """Target and options of a plan.
 
     Parameters
     ----------
@@ -52,6 +52,7 @@ class PlanRequest:
     search : str or None
         See `needlefem.plan`.
     all_solutions : bool
+        Whether to search further lateral offsets that reach the target.
     clock : Stopwatch
     """
 
@@ -62,7 +63,7 @@ class PlanRequest:
 
 
 class PlanAttempt(NamedTuple):
-    """A plan, what it was made on, and the estimate of its error or why there is none."""
+    """A plan on one discretization, with the estimate of its error or the reason for none."""
 
     simulation: Simulation
     entry: Entry
@@ -73,36 +74,37 @@ class PlanAttempt(NamedTuple):
 
 
 def attempt_plan(
-    simulation: Simulation, wanted: PlanRequest, start: Floats | None = None, *, path: bool = False
+    simulation: Simulation, request: PlanRequest, start: Floats | None = None, *, path: bool = False
 ) -> PlanAttempt:
-    """Check the discretisation, plan, and estimate what the discretisation does.
+    """Check the discretization, plan, and estimate the error of the discretization.
 
     Parameters
     ----------
     simulation : Simulation
-    wanted : PlanRequest
+    request : PlanRequest
     start : array, shape (dim - 1,), m, optional
-        Height to begin with.
+        Initial lateral offset.
     path : bool
-        Whether the estimate is made whatever the scene says, and with the path's spacing in it.
+        Whether the error is estimated whatever the scene prescribes, including that of the path
+        spacing.
 
     Raises
     ------
     CheckFailedError
-        The discretisation fails a check.
+        The discretization fails a check.
     """
-    clock = wanted.clock
+    clock = request.clock
     if simulation.scene.motion.entry:
-        simulation.entry_of_case()  # a plan chooses its own, but the case's must be one
-    planner = Planner(simulation, wanted.target)
+        simulation.entry_of_case()  # raises an error if the entry of the case is not valid
+    planner = Planner(simulation, request.target)
     clock.lap("model")
     checks = simulation.check(planner.entry)
     clock.lap("preflight")
-    found = planner.plan(wanted.search, all_solutions=wanted.all_solutions, start=start)
+    found = planner.plan(request.search, all_solutions=request.all_solutions, start=start)
     clock.lap("search")
     error, why = None, ""
     if path or simulation.scene.planning.estimate:
-        doing("estimating what the mesh does to the placement")
+        doing("estimating the placement error due to the mesh")
         try:
             error = estimate(simulation, found, path=path)
         except NoEstimateError as reason:
@@ -115,25 +117,26 @@ def attempt_plan(
 
 
 SQUARES = 9
-"""Squares along the longest side of the box to begin with."""
+"""Squares along the longest side of the box in the first discretization."""
 CORRIDOR_RADII = 4.0
-"""Width of the corridor over the tip's radius, where the case gives none."""
+"""Default width of the corridor, over the tip radius."""
 CELLS_ACROSS = 8
-"""Cells of the contour's size across the smallest region, at the least."""
+"""Smallest number of cells of the size at contours across the smallest region."""
 MARGIN = 0.8
-"""Share of the accuracy that sizes are chosen for."""
+"""Share of the accuracy for which sizes are chosen."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MeshSizes:
-    """What an accuracy is bought with, m.
+    """Element sizes and path spacing that are refined to reach an accuracy, m.
 
     Parameters
     ----------
     corridor, contour, bulk : float
-        Element sizes along the needle and at the regions' contours, side of the squares elsewhere.
+        Element sizes along the needle and at the contours of regions; side of the squares
+        elsewhere.
     path : float
-        Spacing of the cut path's pieces.
+        Path spacing.
     """
 
     corridor: float
@@ -143,7 +146,7 @@ class MeshSizes:
 
     @classmethod
     def first(cls, scene: Scene) -> "MeshSizes":
-        """Return the coarsest sizes that a plan is tried with."""
+        """Return the coarsest sizes, with which refinement begins."""
         radius = scene.needle.tip_radius
         spans = [float(np.ptp(r.contour.points, axis=0).min()) for r in scene.regions.values()]
         return cls(
@@ -154,11 +157,11 @@ class MeshSizes:
         )
 
     def halved(self, *names: str) -> "MeshSizes":
-        """Return them with some halved."""
+        """Return the sizes with those of some names halved."""
         return dataclasses.replace(self, **{name: 0.5 * getattr(self, name) for name in names})
 
     def scene(self, scene: Scene, target: Vector) -> Scene:
-        """Return the scene in these sizes, refined along the line through a target."""
+        """Return the scene with these sizes, refined along the axis through a target."""
         box, radius = _box(scene), scene.needle.tip_radius
         changes: dict[str, object] = {
             "target": tuple(float(x) for x in target),
@@ -176,14 +179,14 @@ class MeshSizes:
 
 
 def longest(scene: Scene) -> float:
-    """Return the longest side of the scene's box, m."""
+    """Return the longest side of the box of a scene, m."""
     return max(_box(scene).size)
 
 
 def _box(scene: Scene) -> BoxMesh:
     if not isinstance(scene.mesh, BoxMesh):
-        problem = "a mesh from a file has the sizes that it has"
-        remedy = "leave it out and read the estimate, or give a box"
+        problem = "the element sizes of a mesh from a file cannot be changed"
+        remedy = "omit planning.accuracy and read the estimate, or use a box"
         raise CaseError("planning.accuracy", problem, remedy)
     return scene.mesh
 
@@ -191,10 +194,10 @@ def _box(scene: Scene) -> BoxMesh:
 def finer(
     sizes: MeshSizes, scene: Scene, simulation: Simulation, plan: Plan, share: float
 ) -> MeshSizes:
-    """Return sizes with which the error falls to a share of what it is, each halved at most once.
+    """Return sizes for which the error is reduced to a share of its value.
 
-    What each size does to the placement is measured by halving it alone; what is halved is taken
-    to leave half of it.
+    Each size is halved at most once. The effect of each size on the placement is computed by
+    halving it alone. Halving a size is assumed to halve its effect.
     """
     parts = {"path": path_error(simulation, plan)}
     chosen: list[str] = []
@@ -203,10 +206,10 @@ def finer(
         try:
             parts[name] = HALVED * float(np.linalg.norm(displacement_on(other, simulation, plan)))
         except NoEstimateError:
-            chosen.append(name)  # what can't be measured is halved
-    wanted = MARGIN * share * sum(parts.values())
+            chosen.append(name)  # without an estimate, the size is halved
+    request = MARGIN * share * sum(parts.values())
     for name in sorted(parts, key=lambda name: -parts[name]):
-        if sum(parts.values()) <= wanted:
+        if sum(parts.values()) <= request:
             break
         parts[name] *= 0.5
         chosen.append(name)
@@ -217,67 +220,69 @@ def finer(
 
 
 def make_accurate(
-    scene: Scene, wanted: PlanRequest, watch: Watch | None = None
+    scene: Scene, request: PlanRequest, watch: Watch | None = None
 ) -> tuple[PlanAttempt, tuple[RefinementStep, ...]]:
-    """Return the first plan that is accurate enough, and all discretisations tried.
+    """Return the first plan whose stated error is within the accuracy, and all attempts.
 
-    Each refines what the one before says matters, and starts at its height.
+    Each refinement halves the sizes with the largest effect, and starts at the lateral offset of
+    the plan before.
 
     Raises
     ------
     CaseError
         The mesh is from a file.
     CheckFailedError
-        A discretisation fails a check.
+        A discretization fails a check.
     """
     accuracy, most = scene.planning.accuracy, scene.planning.max_unknowns
-    sizes, trail = MeshSizes.first(scene), list[RefinementStep]()
-    made = attempt_plan(
-        Simulation(sizes.scene(scene, wanted.target), watch=watch), wanted, path=True
+    sizes, history = MeshSizes.first(scene), list[RefinementStep]()
+    attempt = attempt_plan(
+        Simulation(sizes.scene(scene, request.target), watch=watch), request, path=True
     )
-    while made.plan.status is PlanStatus.PLANNED and made.estimate is not None:
-        error = made.estimate
-        trail.append(_attempt(made, sizes, error))
+    while attempt.plan.status is PlanStatus.PLANNED and attempt.estimate is not None:
+        error = attempt.estimate
+        history.append(_attempt(attempt, sizes, error))
         if error.at_most <= accuracy:
             break
-        sizes = finer(sizes, scene, made.simulation, made.plan, accuracy / error.at_most)
-        wanted.clock.lap("estimate")
-        simulation = Simulation(sizes.scene(scene, wanted.target), watch=watch)
+        sizes = finer(sizes, scene, attempt.simulation, attempt.plan, accuracy / error.at_most)
+        request.clock.lap("estimate")
+        simulation = Simulation(sizes.scene(scene, request.target), watch=watch)
         if len(simulation.model.free_dofs) > most:
-            made = made._replace(plan=_short(made.plan, error, accuracy, most))
+            attempt = attempt._replace(plan=_not_affordable(attempt.plan, error, accuracy, most))
             break
-        made = attempt_plan(simulation, wanted, made.plan.solution.height, path=True)
-    if made.plan.status is PlanStatus.PLANNED and made.estimate is None:
-        made = made._replace(plan=_unknown(made.plan, made.not_estimated, accuracy))
-    return made, tuple(trail)
+        attempt = attempt_plan(simulation, request, attempt.plan.solution.height, path=True)
+    if attempt.plan.status is PlanStatus.PLANNED and attempt.estimate is None:
+        unverified = _without_estimate(attempt.plan, attempt.not_estimated, accuracy)
+        attempt = attempt._replace(plan=unverified)
+    return attempt, tuple(history)
 
 
-def _unknown(plan: Plan, why: str, accuracy: float) -> Plan:
+def _without_estimate(plan: Plan, why: str, accuracy: float) -> Plan:
     sentence = (
-        f"{1e3 * accuracy:.3g} mm were asked for, but the error can't be estimated: {why}; "
-        "leave planning.accuracy out to plan without"
+        f"the accuracy {1e3 * accuracy:.3g} mm cannot be verified, because the error cannot be "
+        f"estimated: {why}; omit planning.accuracy to plan without it"
     )
     return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)
 
 
-def _attempt(made: PlanAttempt, sizes: MeshSizes, error: ErrorEstimate) -> RefinementStep:
+def _attempt(attempt: PlanAttempt, sizes: MeshSizes, error: ErrorEstimate) -> RefinementStep:
     return RefinementStep(
-        element=made.simulation.model.element.name,
+        element=attempt.simulation.model.element.name,
         corridor=sizes.corridor,
         contour=sizes.contour,
         bulk=sizes.bulk,
         path=sizes.path,
-        unknowns=len(made.simulation.model.free_dofs),
-        insertions=made.plan.insertions,
+        unknowns=len(attempt.simulation.model.free_dofs),
+        insertions=attempt.plan.insertions,
         error=error.error,
         at_most=error.at_most,
     )
 
 
-def _short(plan: Plan, error: ErrorEstimate, accuracy: float, most: int) -> Plan:
+def _not_affordable(plan: Plan, error: ErrorEstimate, accuracy: float, most: int) -> Plan:
     sentence = (
-        f"{1e3 * accuracy:.3g} mm were asked for, {1e3 * error.at_most:.2g} mm are what can be had "
-        f"with {most:,} unknowns; ask for less, or allow more by planning.max_unknowns"
+        f"the accuracy {1e3 * accuracy:.3g} mm needs more than {most:,} unknowns; the stated error "
+        f"is {1e3 * error.at_most:.2g} mm; increase planning.accuracy or planning.max_unknowns"
     )
     return dataclasses.replace(plan, status=PlanStatus.NOT_ACCURATE, sentence=sentence)
 
@@ -287,26 +292,28 @@ def _short(plan: Plan, error: ErrorEstimate, accuracy: float, most: int) -> Plan
 
 KERNEL_POINTS = 1600
 REFERENCE_SQUARES = {"triangle": 36, "quadrilateral": 18}
-"""Along the longest side of the box; one is cut into two triangles or six quadrilaterals."""
+"""Squares along the longest side of the box.
+
+Each is divided into two triangles or six quadrilaterals.
+"""
 CORRIDOR, CONTOUR, PATH = 0.25, 0.5, 0.25
-"""Element sizes along the needle and at contours, and path spacing, over the tip's radius."""
+"""Element sizes along the needle and at contours, and path spacing, over the tip radius."""
 SPAN = 1e-4
-"""Heights up to which placements are interpolated, on either side of the exact plan's, m."""
+"""Distance from the lateral offset of the exact plan up to which placements are interpolated, m."""
 
 
 def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulation:
-    """Return a scene's tissue on the finest discretisation that is affordable.
-
-    Elements are the quadratic ones that suit the tissue.
+    """Return a simulation of a scene on the finest affordable discretization.
 
     Parameters
     ----------
     scene : Scene
         On a box.
     target : array, shape (dim,), m
-        The needle's line passes near it.
+        The needle axis passes near it.
     cells : str
-        ``"triangle"`` or ``"quadrilateral"``: two that can be held against each other.
+        ``"triangle"`` or ``"quadrilateral"``, so that two references can be compared. The elements
+        are the quadratic ones that suit the tissue.
     """
     if cell_shape(scene) != cells:
         pattern = "diagonal" if cells == "triangle" else "quadrilateral"
@@ -323,13 +330,13 @@ def reference(scene: Scene, target: Vector, cells: str = "triangle") -> Simulati
 
 
 def true_error(exact: Simulation, plan: Plan) -> float:
-    """Return how far from its target a plan's release places on a tissue taken as exact, m."""
+    """Return the placement error of a plan on tissue that is taken as exact, m."""
     placed = placed_on(exact, plan)
     return np.inf if placed is None else float(np.linalg.norm(placed - plan.target))
 
 
 def placed_on(exact: Simulation, plan: Plan) -> Vector | None:
-    """Return where a plan's release places in a tissue, shape (dim,), m; None: nowhere."""
+    """Return the final position of a plan's release in a tissue, shape (dim,), m, or None."""
     if plan.best is None:
         return None
     entry = exact.entry_through(plan.best.release_point)
@@ -341,10 +348,10 @@ def placed_on(exact: Simulation, plan: Plan) -> Vector | None:
 
 
 class ReferenceSolution:
-    """Where releases near a target place on the exact tissue, from a few insertions there.
+    """Final positions of releases near a target in tissue that is taken as exact.
 
-    The placement is smooth in the height: between three insertions at heights that span those of
-    the releases it is interpolated. Beyond `SPAN` on either side, and deeper, a release has its own
+    The final position is a smooth function of the lateral offset. It is interpolated between three
+    insertions. A release further than `SPAN` from the exact one, or a deeper one, has its own
     insertion.
 
     Parameters
@@ -356,7 +363,7 @@ class ReferenceSolution:
     Attributes
     ----------
     release : array, shape (dim,), m
-        That hits the target there.
+        Release point whose final position in this tissue is the target.
     """
 
     def __init__(self, scene: Scene, target: Vector) -> None:
@@ -370,22 +377,22 @@ class ReferenceSolution:
 
     @property
     def unknowns(self) -> int:
-        """Unknowns of the tissue."""
+        """Number of unknowns of the reference."""
         return len(self._simulation.model.free_dofs)
 
     def errors(self, plans: Sequence[Plan]) -> list[float]:
-        """Return how far from the target plans place, m; infinite where nothing is placed."""
-        return [self.error(made) for made in plans]
+        """Return the placement errors of plans, m; infinite if nothing is placed."""
+        return [self.error(attempt) for attempt in plans]
 
-    def error(self, made: Plan) -> float:
-        """Return how far from the target a plan places, m; infinite where nothing is placed."""
-        if made.best is None:
+    def error(self, attempt: Plan) -> float:
+        """Return the placement error of a plan, m; infinite if nothing is placed."""
+        if attempt.best is None:
             return np.inf
-        apart = made.best.release_point - self._target
+        apart = attempt.best.release_point - self._target
         height: Floats = self._planner.laterals @ apart
         if len(height) > 1 or abs(float(height[0] - self._middle[0])) > SPAN:
-            return true_error(self._simulation, made)
-        depth = float(self._simulation.direction @ made.best.release_point)
+            return true_error(self._simulation, attempt)
+        depth = float(self._simulation.direction @ attempt.best.release_point)
         heights = [self._middle + share * SPAN for share in (-1.0, 0.0, 1.0)]
         reached = [self._at(h, depth) for h in heights]
         place = float(height[0] - self._middle[0]) / SPAN
@@ -393,14 +400,15 @@ class ReferenceSolution:
         placed = np.zeros(len(self._target))
         for share, point in zip(shares, reached, strict=True):
             if point is None:
-                return true_error(self._simulation, made)
+                return true_error(self._simulation, attempt)
             placed += share * point
         return float(np.linalg.norm(placed - self._target))
 
     def _at(self, height: Floats, depth: float) -> Vector | None:
-        """Return what the tip reaches at a height when it is at a depth in the world.
+        """Return the material point at the tip for a lateral offset and a depth.
 
-        None: deeper than the insertions that a plan needs.
+        The depth is an axial coordinate in space, m. None if it is deeper than the insertion for a
+        plan.
         """
         known = self._planner.read(height)
         entry = float(self._simulation.direction @ known.insertion.axis.entry)

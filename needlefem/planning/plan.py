@@ -1,4 +1,4 @@
-"""Planning on a discretisation that has passed its checks, with the estimate of the error."""
+"""Planning on a discretization that has passed its checks, with the estimate of the error."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.simulation import Simulation, Watch, discretised
 from needlefem.insertion.strain_check import validity
 from needlefem.planning.adaptive import PlanAttempt, PlanRequest, Stopwatch, attempt_plan
-from needlefem.planning.reading import at_jump, broke_off, state_at
+from needlefem.planning.reading import at_rupture, ended_early, state_at
 from needlefem.planning.result import (
     Evidence,
     Plan,
@@ -33,7 +33,7 @@ def plan(
     all_solutions: bool = False,
     watch: Watch | None = None,
 ) -> Plan:
-    """Plan for a scene; parameters, result and errors are those of `needlefem.plan`."""
+    """Plan for a scene. Parameters, result and errors: see `needlefem.plan`."""
     chosen = target if target is not None else scene.target
     if chosen is None:
         raise CaseError("target.point", "missing", "give a target to plan for")
@@ -46,12 +46,12 @@ def plan(
             break
         found.append(_along(turned(scene, direction), point, search, all_solutions, watch))
     best = min(found, key=_rank)
-    refused = tuple(_refusal(one) for one in found if one is not best)
-    return dataclasses.replace(best, rejected_directions=refused, evidence=_timed(best, found))
+    rejected = tuple(_rejected(one) for one in found if one is not best)
+    return dataclasses.replace(best, rejected_directions=rejected, evidence=_timed(best, found))
 
 
 def _timed(best: Plan, found: Sequence[Plan]) -> Evidence | None:
-    """Return a plan's evidence with the time that all directions took."""
+    """Return the evidence of a plan with the total time of all directions."""
     if best.evidence is None:
         return None
     laps = [one.evidence.timings for one in found if one.evidence is not None]
@@ -60,18 +60,18 @@ def _timed(best: Plan, found: Sequence[Plan]) -> Evidence | None:
 
 
 def turned(scene: Scene, direction: Sequence[float]) -> Scene:
-    """Return the scene with a needle of another direction, its entry left open."""
+    """Return the scene with another needle direction and an open entry."""
     unit = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
     return vary(scene, {"motion.direction": tuple(unit.tolist()), "motion.entry": ()})
 
 
 def _rank(found: Plan) -> tuple[bool, float]:
-    """Rank plans along several directions: those that succeeded, then by error."""
+    """Return the sort key of plans along several directions: first the status, then the error."""
     error = np.inf if found.best is None else found.best.placement_error
     return found.status is not PlanStatus.PLANNED, error
 
 
-def _refusal(found: Plan) -> RejectedDirection:
+def _rejected(found: Plan) -> RejectedDirection:
     direction = tuple(found.insertion.axis.direction.tolist())
     return RejectedDirection(direction, found.status, found.sentence, found.insertions)
 
@@ -79,50 +79,49 @@ def _refusal(found: Plan) -> RejectedDirection:
 def _along(
     scene: Scene, target: Vector, search: str | None, all_solutions: bool, watch: Watch | None
 ) -> Plan:
-    """Plan along the scene's direction."""
+    """Plan along the direction of the scene."""
     clock = Stopwatch()
-    wanted = PlanRequest(target=target, search=search, all_solutions=all_solutions, clock=clock)
+    request = PlanRequest(target=target, search=search, all_solutions=all_solutions, clock=clock)
     if scene.planning.accuracy > 0.0:
         from needlefem.planning.adaptive import make_accurate  # noqa: PLC0415
 
-        made, trail = make_accurate(scene, wanted, watch)
+        attempt, history = make_accurate(scene, request, watch)
     else:
-        made, trail = attempt_plan(Simulation(scene, watch=watch), wanted), ()
-    evidence = _evidence(made, trail)
+        attempt, history = attempt_plan(Simulation(scene, watch=watch), request), ()
+    evidence = _evidence(attempt, history)
     clock.lap("evidence")
     evidence = dataclasses.replace(evidence, timings=clock.laps)
-    return with_headline(made.plan, evidence)
+    return with_headline(attempt.plan, evidence)
 
 
-def _evidence(made: PlanAttempt, trail: tuple[RefinementStep, ...]) -> Evidence:
-    simulation, found = made.simulation, made.plan
+def _evidence(attempt: PlanAttempt, history: tuple[RefinementStep, ...]) -> Evidence:
+    simulation, found = attempt.simulation, attempt.plan
     insertion, energies, strains = found.insertion, None, None
-    warnings = [*simulation.warnings, *_loose(simulation.scene)]
+    warnings = [*simulation.warnings, *_movable_obstacles(simulation.scene)]
     warnings += overlaps(simulation.model.mesh, simulation.scene.contours)
-    missing = {"estimate": made.not_estimated} if made.not_estimated else {}
+    missing = {"estimate": attempt.not_estimated} if attempt.not_estimated else {}
     if found.best is None:
         missing |= dict.fromkeys(("energy", "validity"), "there is no release")
-    elif broke_off(insertion):
-        why = f"the insertion broke off: {insertion.outcome.sentence}"
+    elif ended_early(insertion):
+        why = f"the insertion ended early: {insertion.outcome.sentence}"
         missing |= dict.fromkeys(("energy", "validity"), why)
     else:
         energies = energy_terms(insertion)
         depth = float(insertion.axis.axial_coordinate(found.best.release_point))
-        if at_jump(insertion, depth):
-            missing["validity"] = "the tip jumps at the depth of the release"
+        if at_rupture(insertion, depth):
+            missing["validity"] = "the tip advances at the depth of the release (rupture)"
         else:
             strains = validity(insertion, state_at(insertion, depth))
             warnings += strains.warnings()
-        if insertion.ruptures:
-            warnings.append(f"the tip jumps ahead {len(insertion.ruptures)} times on its way")
+        warnings += insertion.rupture_warnings
     return Evidence(
-        preflight=made.checks,
+        preflight=attempt.checks,
         energy=energies,
         validity=strains,
-        estimate=made.estimate,
-        refinement_history=trail,
+        estimate=attempt.estimate,
+        refinement_history=history,
         missing=missing,
-        discretisation=discretised(simulation, made.entry),
+        discretisation=discretised(simulation, attempt.entry),
         warnings=tuple(warnings),
         skipped=simulation.resolved.skipped,
         reasons=simulation.reasons,
@@ -130,12 +129,12 @@ def _evidence(made: PlanAttempt, trail: tuple[RefinementStep, ...]) -> Evidence:
     )
 
 
-def _loose(scene: Scene) -> list[str]:
-    """Say which obstacles may move with the tissue, which is not seen."""
-    held = {name for support in scene.supports.values() for name in support.regions}
+def _movable_obstacles(scene: Scene) -> list[str]:
+    """Return a warning for each obstacle that may move with the tissue; this is not modeled."""
+    supported = {name for support in scene.supports.values() for name in support.regions}
     return [
-        f"obstacle '{name}' is not held: that it moves with the tissue is not seen; "
+        f"obstacle '{name}' is not supported: its motion with the tissue is not modeled; "
         f"give a support with regions = ['{obstacle.region}']"
         for name, obstacle in scene.obstacles.items()
-        if obstacle.region is not None and obstacle.region not in held
+        if obstacle.region is not None and obstacle.region not in supported
     ]

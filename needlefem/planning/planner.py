@@ -28,14 +28,14 @@ from needlefem.planning.search import (
 from needlefem.scene import Scene, vary
 
 DEEPER = 1e-4
-"""By how much releases are taken for deeper than they were, once they proved too deep, m."""
+"""Increment of the depth for which obstacles are checked, if a release proved to be deeper, m."""
 
 Find = Callable[[Interval], "Candidate"]
-"""Searches an interval of heights (m, relative to the target's)."""
+"""Searches an interval of lateral offsets relative to the target, m."""
 
 
 class Candidate(NamedTuple):
-    """What a search ended with: a height and the release there, None if out of reach."""
+    """Result of a search: a lateral offset and the release there, or None without a release."""
 
     solution: SearchResult
     release: Release | None
@@ -48,48 +48,48 @@ class Obstacles:
     ----------
     scene : Scene
     level : InsertionAxis
-        The needle's line at height 0.
+        The needle axis at the lateral offset 0.
     """
 
     def __init__(self, scene: Scene, level: InsertionAxis) -> None:
         self._scene, self._level = scene, level
 
     def passings(self, release_point: Vector) -> tuple[Passing, ...]:
-        """Return how a needle with its tip at a point passes every obstacle."""
+        """Return the distances of a needle with its tip at a point from all obstacles."""
         return passings(
             self._scene.obstacles, InsertionAxis(release_point, self._level.direction), 0.0
         )
 
     def barrier(self, release: Release | None) -> Passing | None:
-        """Return the obstacle to which a release comes nearest of those it is too near."""
+        """Return the obstacle with the smallest clearance of those too close to a release."""
         if release is None:
             return None
         near = [found for found in self.passings(release.release_point) if not found.allowed]
         return min(near, key=lambda found: found.distance - found.clearance, default=None)
 
     def allowed(self, depth: float, within: Interval) -> list[Interval]:
-        """Return the heights in an interval at which no tip down to a depth comes too near."""
-        taken = [
+        """Return the lateral offsets at which a needle of a depth is far enough from obstacles."""
+        not_allowed = [
             interval
             for obstacle in self._scene.obstacles.values()
             for interval in blocked(self._level, depth, obstacle.contour, obstacle.clearance)
         ]
-        return gaps(*within, merged(taken))
+        return gaps(*within, merged(not_allowed))
 
     def best(self, find: Find, within: Interval, without: Release) -> Candidate | None:
-        """Return the best candidate that keeps away; None if there is none.
+        """Return the best candidate that keeps its distance from obstacles; None without one.
 
-        Every interval of allowed heights is searched. How deep their releases are is known only
-        then: where one is too near because it is deeper than the intervals were made for, they are
-        made anew.
+        All intervals of allowed lateral offsets are searched. The depth of a release is only known
+        after the search. If it is larger than assumed and the needle comes too close, the intervals
+        are computed again with the larger depth.
 
         Parameters
         ----------
         find : callable
         within : (float, float), m
-            Feasible heights.
+            Feasible lateral offsets.
         without : Release
-            The best one without obstacles.
+            The best release without obstacles.
         """
         depth = float(self._level.axial_coordinate(without.release_point))
         while True:
@@ -112,14 +112,14 @@ def _error(candidate: Candidate) -> float:
 
 
 BEYOND = 3
-"""States computed beyond the target, so that interpolation there is central."""
+"""Number of states computed beyond the target, so that the interpolation there is central."""
 SCAN = 9
-"""Heights of the coarse scan for further solutions."""
+"""Number of lateral offsets in the coarse scan for further solutions."""
 RESOLVED = 2.0
-"""Error that golden section and grid may leave, over the tolerance of their heights: it grows
-about one for one with the height."""
+"""Largest error of golden section and grid search that counts as solved, over the tolerance of the
+lateral offset. The error grows about as fast as the offset."""
 ROOM = 1.05
-"""Largest depth that is proposed over the depth of a release: other heights are a little deeper."""
+"""Proposed largest depth over the depth of a release; other offsets may be slightly deeper."""
 
 
 class Planner:
@@ -133,7 +133,7 @@ class Planner:
     Raises
     ------
     CaseError
-        The target lies outside the tissue.
+        The target is outside the tissue.
     """
 
     def __init__(self, simulation: Simulation, target: Vector) -> None:
@@ -151,28 +151,34 @@ class Planner:
         self._max_depth = simulation.scene.motion.max_depth
 
     def path(self, height: Floats) -> TipTrajectory:
-        """Return the cut path at a height (shape (dim - 1,), m, relative to the target's)."""
+        """Return the trajectory of the tip at a lateral offset.
+
+        Parameters
+        ----------
+        height : array, shape (dim - 1,), m
+            Lateral offset relative to the target.
+        """
         return self.read(height).path
 
     def insertion(self, height: Floats) -> Insertion:
-        """Return the insertion at a height, to just beyond the target; see `path`."""
+        """Return the insertion at a lateral offset, to just beyond the target; see `path`."""
         return self.read(height).insertion
 
     def read(self, height: Floats) -> InsertionReader:
-        """Return what reads the insertion at a height; see `path`."""
+        """Return the evaluation of the insertion at a lateral offset; see `path`."""
         key = tuple(float(h) for h in height)
         if key not in self._known:
             entry = self.simulation.entry_through(self.target + height @ self.laterals)
-            insertion = self.simulation.insert(entry, self._passed(entry.point))
+            insertion = self.simulation.insert(entry, self._beyond_target(entry.point))
             self._known[key] = InsertionReader(insertion, self.target)
         return self._known[key]
 
-    def _passed(self, entry: Vector) -> "_Passed":
+    def _beyond_target(self, entry: Vector) -> "_BeyondTarget":
         direction = self.simulation.direction
-        return _Passed(direction, float(direction @ self.target), float(direction @ entry))
+        return _BeyondTarget(direction, float(direction @ self.target), float(direction @ entry))
 
     def lateral_error(self, height: Floats) -> Floats | None:
-        """Return the signed lateral miss at a height; see `search.Miss`."""
+        """Return the signed lateral error at a lateral offset; see `search.Miss`."""
         reach = self.read(height).level().reach
         if reach is None:
             return None
@@ -180,15 +186,15 @@ class Planner:
         return lateral
 
     def error(self, height: float) -> float:
-        """Return the placement error at the best depth of a height; see `search.Error`.
+        """Return the placement error at the best depth of a lateral offset; see `search.Error`.
 
-        It is infinite where the insertion broke off: what it reached is not the best depth.
+        It is infinite if the insertion ended early, because its last point is not the best depth.
         """
         reach = self.read(np.array([height])).nearest().reach
         return np.inf if reach is None else float(np.linalg.norm(reach.point - self.target))
 
     def release(self, height: Floats, reading: Reading) -> Release | None:
-        """Return the release in the world that ends at a reached point."""
+        """Return the release in space whose final position is a point of the trajectory."""
         reach = reading.reach
         if reach is None:
             return None
@@ -198,19 +204,19 @@ class Planner:
         return Release(released, reach.point, error, reading.sentence)
 
     def unplanned(self) -> Release | None:
-        """Return the release with the tip at the target in the world, as if nothing moved."""
+        """Return the release with the tip at the target in space, as if the tissue were rigid."""
         return self.release(self._level, self._at_target())
 
     def depth_only(self) -> Release | None:
-        """Return the best release at the target's height."""
+        """Return the best release at the lateral offset of the target."""
         return self.release(self._level, self.read(self._level).nearest())
 
     def _at_target(self) -> Reading:
         depth = float(self.simulation.direction @ (self.target - self.entry.point))
         return self.read(self._level).at_depth(depth)
 
-    def snapped(self) -> bool:
-        """Say whether the tip jumped in any insertion so far."""
+    def has_ruptures(self) -> bool:
+        """Say whether a rupture occurred in any insertion so far."""
         return any(known.insertion.ruptures for known in self._known.values())
 
     def plan(
@@ -220,17 +226,17 @@ class Planner:
         all_solutions: bool = False,
         start: Floats | None = None,
     ) -> Plan:
-        """Search the height, a root from `start`; see `needlefem.plan`."""
+        """Search the lateral offset, a root from `start`; see `needlefem.plan`."""
         before = self.simulation.insertions
         numbers = self.simulation.scene.planning
         search = search or numbers.search
         begin = self._level if start is None else start
         free = self._candidate(search, begin, numbers.offset_range)
-        chosen, barred = self._around(search, free)
-        spent = self.simulation.insertions - before
+        chosen, blocked_release = self._around(search, free)
+        insertions = self.simulation.insertions - before
         status, sentence = self._judge(search, free.solution)
-        if barred is not None:
-            status, sentence = self._judge_barred(chosen, barred)
+        if blocked_release is not None:
+            status, sentence = self._judge_blocked(chosen, blocked_release)
         solution = free.solution if chosen is None else chosen.solution
         best = None if chosen is None else chosen.release
         scanned = self.simulation.insertions
@@ -246,13 +252,13 @@ class Planner:
             missing={name: read.sentence for name, read in level.items() if read.reach is None},
             search=search,
             solution=solution,
-            insertions=spent,
+            insertions=insertions,
             insertion=self.insertion(solution.height),
             level=self.insertion(self._level),
             other_solutions=others,
             scan_insertions=self.simulation.insertions - scanned,
             passings=() if best is None else self.obstacles.passings(best.release_point),
-            blocked=barred,
+            blocked=blocked_release,
         )
 
     def _candidate(self, search: str, start: Floats, within: Interval) -> Candidate:
@@ -262,7 +268,7 @@ class Planner:
     def _around(
         self, search: str, free: Candidate
     ) -> tuple[Candidate | None, BlockedRelease | None]:
-        """Return the best candidate that keeps away from obstacles, and what they barred."""
+        """Return the best candidate that keeps its distance from obstacles, and what is blocked."""
         barrier = self.obstacles.barrier(free.release)
         if barrier is None or free.release is None:
             return free, None
@@ -283,7 +289,7 @@ class Planner:
 
     def _best(self, solution: SearchResult) -> Reading:
         known = self.read(solution.height)
-        # a root is solved level with the target; elsewhere the nearest point counts
+        # a root is evaluated at the depth of the target, any other result at the closest point
         level = known.level()
         if solution.found is SearchStatus.SOLVED and level.reach is not None:
             return level
@@ -295,7 +301,7 @@ class Planner:
         return signed_root(self.lateral_error, start, within, numbers.tolerance, most)
 
     def _others(self, solution: SearchResult) -> tuple[float, ...]:
-        """Return further heights in the range that hit the target, from a coarse scan."""
+        """Return further lateral offsets in the range that reach the target, from a coarse scan."""
         if len(self.laterals) != 1:
             raise CaseError("--all-solutions", "is for 2D scenes", "leave it out")
         low, high = self.simulation.scene.planning.offset_range
@@ -309,10 +315,10 @@ class Planner:
         return tuple(found)
 
     def _judge(self, search: str, solution: SearchResult) -> tuple[PlanStatus, str]:
-        """Put the end of the search into a status and a sentence."""
+        """Return status and sentence for the end of the search."""
         numbers = self.simulation.scene.planning
         low, high = numbers.offset_range
-        missed = f"the best height tried misses by {100 * solution.miss:.3g} cm"
+        missed = f"the smallest error of all offsets tried is {100 * solution.miss:.3g} cm"
         if solution.found is SearchStatus.UNREACHABLE:
             failed = [height for height, miss in solution.tried if miss is None or np.isinf(miss)]
             return self._out_of_reach(failed[-1], self.read(failed[-1]).level())
@@ -329,28 +335,28 @@ class Planner:
                 found = SearchStatus.NOT_CONVERGED if inside else SearchStatus.OUTSIDE_RANGE
                 solution = dataclasses.replace(solution, found=found)
         if solution.found is SearchStatus.SOLVED:
-            left = f"the search leaves {100 * solution.miss:.2g} cm on this model"
+            left = f"the residual of the search is {100 * solution.miss:.2g} cm on this model"
             return PlanStatus.PLANNED, left
         if solution.found is SearchStatus.OUTSIDE_RANGE:
-            where = f"between {100 * low:+.3g} and {100 * high:+.3g} cm of the target's height"
+            where = f"between {100 * low:+.3g} and {100 * high:+.3g} cm from the target"
             return PlanStatus.OUTSIDE_RANGE, (
-                f"no height {where} hits the target; {missed}; widen planning.offset_range"
+                f"no lateral offset {where} reaches it; {missed}; widen planning.offset_range"
             )
         return PlanStatus.NOT_CONVERGED, f"the search did not converge; {missed}"
 
     def _out_of_reach(self, height: Floats, reading: Reading) -> tuple[PlanStatus, str]:
-        """Put what keeps the tip from the target at a height into a status and a sentence."""
+        """Return status and sentence if the tip does not reach the target at a lateral offset."""
         if reading.why is Why.BROKE_OFF:
             where = ", ".join(f"{100 * float(h):+.3g} cm" for h in height)
-            return PlanStatus.NOT_CONVERGED, f"at a height of {where}, {reading.sentence}"
+            return PlanStatus.NOT_CONVERGED, f"at a lateral offset of {where}, {reading.sentence}"
         if reading.why is not Why.MAX_DEPTH:
             why = reading.sentence
-            return PlanStatus.UNREACHABLE, f"the tip does not come level with the target: {why}"
+            return PlanStatus.UNREACHABLE, f"the tip does not reach the depth of the target: {why}"
         limit = limit_sentence(self._max_depth)
         needed = self._depth_needed(height)
         if needed.reach is None:
             return PlanStatus.UNREACHABLE, (
-                f"the target lies beyond {limit}, and a deeper needle does not reach it either: "
+                f"the target is beyond {limit}, and a deeper needle does not reach it either: "
                 f"{needed.sentence}"
             )
         depth = needed.reach.depth
@@ -360,33 +366,33 @@ class Planner:
         )
 
     def _depth_needed(self, height: Floats) -> Reading:
-        """Return where the tip comes level with the target if the motion may go deeper."""
+        """Return where the tip is at the depth of the target if the motion may be deeper."""
         entry = self.simulation.entry_through(self.target + height @ self.laterals)
         size = float(np.linalg.norm(np.ptp(self.simulation.model.nodes, axis=0)))
-        deeper = self.simulation.insert(entry, self._passed(entry.point), max_depth=size)
+        deeper = self.simulation.insert(entry, self._beyond_target(entry.point), max_depth=size)
         return InsertionReader(deeper, self.target, size).level()
 
-    def _judge_barred(
-        self, chosen: Candidate | None, barred: BlockedRelease
+    def _judge_blocked(
+        self, chosen: Candidate | None, blocked_release: BlockedRelease
     ) -> tuple[PlanStatus, str]:
-        """Put what obstacles left of the heights into a status and a sentence."""
-        without = barred.sentence
+        """Return status and sentence for a search between obstacles."""
+        without = blocked_release.sentence
         if chosen is None or chosen.release is None:
-            return PlanStatus.UNREACHABLE, f"no height is allowed; {without}"
+            return PlanStatus.UNREACHABLE, f"no lateral offset is allowed; {without}"
         best = self._best(chosen.solution)
         if best.why is not None:
             status, sentence = self._out_of_reach(chosen.solution.height, best)
             return status, f"{sentence}; {without}"
-        error, least = chosen.release.placement_error, barred.release.placement_error
-        missed = f"misses by {100 * error:.2g} cm"
+        error, least = chosen.release.placement_error, blocked_release.release.placement_error
+        missed = f"has an error of {100 * error:.2g} cm"
         close = error <= least + self.simulation.scene.planning.interval_tolerance
         if chosen.solution.found is SearchStatus.SOLVED and close:
-            return PlanStatus.PLANNED, f"{missed} on this model; {without}"
-        return PlanStatus.BLOCKED, f"the best height allowed {missed}; {without}"
+            return PlanStatus.PLANNED, f"the plan {missed} on this model; {without}"
+        return PlanStatus.BLOCKED, f"the best allowed lateral offset {missed}; {without}"
 
 
-class _Passed:
-    """Ends an insertion once the target, and the target's own depth, are well behind the tip."""
+class _BeyondTarget:
+    """Ends an insertion a few states after tip and depth have passed the target."""
 
     def __init__(self, direction: Vector, target: float, entry: float) -> None:
         self._direction, self._target, self._depth = direction, target, target - entry
@@ -399,7 +405,7 @@ class _Passed:
 
 
 def _rounded_up(value: float) -> str:
-    """Return a positive number with two digits, not less."""
+    """Round a positive number up to two digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return f"{math.ceil(value / unit - ROUND_OFF) * unit:.2g}"
 
@@ -408,16 +414,17 @@ def _rounded_up(value: float) -> str:
 
 
 def planner_of(scene: Scene) -> Planner:
-    """Return a planner for the scene's own target."""
+    """Return a planner for the target of a scene."""
     if scene.target is None:
         raise CaseError("target.point", "missing", "the study needs a target")
     return Planner(Simulation(scene), np.array(scene.target))
 
 
 def carry_out(scene: Scene, plan: Plan) -> TipPoint | None:
-    """Return where a planned release ends in another scene; None if it is not reached there.
+    """Return the final position of a planned release in another scene, or None.
 
-    Nor is it where the insertion breaks off, or is deeper than the scene's motion may go.
+    None if the release is not reached: the insertion ends early, or the release is deeper than the
+    largest depth of the motion.
     """
     if plan.best is None:
         return None

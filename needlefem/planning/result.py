@@ -1,4 +1,4 @@
-"""The result of planning, and its headline with the stated placement error."""
+"""Result of planning, and its headline with the stated placement error."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from needlefem.planning.search import SearchResult
 
 
 class PlanStatus(StrEnum):
-    """How planning ended."""
+    """How planning ended; `docs/json.md` describes each value."""
 
     PLANNED = "planned"
     OUTSIDE_RANGE = "outside_range"
@@ -27,18 +27,18 @@ class PlanStatus(StrEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Release:
-    """A release in the world and where the point comes to rest.
+    """A release in space, and the final position of the seed.
 
     Parameters
     ----------
     release_point : array, shape (dim,), m
-        Tip in the world.
+        Position of the tip in space.
     placed_at : array, shape (dim,), m
-        Resting place, in the undeformed tissue.
+        Material point at which the seed comes to rest.
     placement_error : float, m
-        Distance of the resting place from the target.
+        Distance of the final position from the target.
     note : str
-        What keeps the needle from a better release, if anything does.
+        The reason why there is no better release, if there is one.
     """
 
     release_point: Vector
@@ -49,20 +49,20 @@ class Release:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class BlockedRelease:
-    """The best release without obstacles, and the one that is in its way."""
+    """The best release without obstacles, and the obstacle that blocks it."""
 
     release: Release
     passing: Passing
 
     @property
     def sentence(self) -> str:
-        """What obstacles stand in the way of."""
+        """Which obstacle blocks the release."""
         return f"without obstacles the best needle {self.passing}"
 
 
 @dataclasses.dataclass(frozen=True)
 class RejectedDirection:
-    """A direction that was not chosen, why, and how many insertions its search took."""
+    """A direction that was not chosen, with status, reason and number of insertions."""
 
     direction: tuple[float, ...]
     status: PlanStatus
@@ -72,22 +72,22 @@ class RejectedDirection:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class ErrorEstimate:
-    """How far from the target the release would place on the exact tissue; an estimate.
+    """Estimated placement error of a plan on exact tissue.
 
     Parameters
     ----------
     error : float, m
-        As extrapolated.
+        Extrapolated error.
     at_most : float, m
-        The stated error: the extrapolated one times a safety factor.
+        Stated error: the extrapolated error times a safety factor.
     path : float, m, or None
-        What the path's spacing has in the extrapolated one; None where it is left out.
+        Part of the extrapolated error due to the path spacing; None if it is omitted.
     offset : array, shape (dim,), m
-        Where it places on the finer tissue, less where on the plan's own.
+        Final position on the finer tissue minus that on the tissue of the plan.
     compared_to : str
-        The finer tissue.
+        Description of the finer tissue.
     unknowns : int
-        It has.
+        Number of unknowns of the finer tissue.
     """
 
     error: float
@@ -100,7 +100,7 @@ class ErrorEstimate:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RefinementStep:
-    """A discretisation that was tried for an accuracy.
+    """A discretization that was tried to reach an accuracy.
 
     Parameters
     ----------
@@ -110,9 +110,9 @@ class RefinementStep:
     unknowns : int
     insertions : int
     error : float, m
-        Estimate of the placement's error, as extrapolated.
+        Extrapolated placement error.
     at_most : float, m
-        The stated error, which is compared with the accuracy.
+        Stated error, which is compared with the accuracy.
     """
 
     element: str
@@ -128,27 +128,27 @@ class RefinementStep:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """What speaks for and against a plan.
+    """Checks, estimates and warnings that support or limit a plan.
 
     Parameters
     ----------
     preflight : tuple of CheckResult
-        Checks of the very discretisation, run before planning.
-    ledger : EnergyTerms or None
+        Checks of the discretization, run before planning.
+    energy : EnergyTerms or None
         Energies of the planned insertion.
     validity : StrainCheck or None
         Strains at the planned release.
     estimate : ErrorEstimate or None
-        Of the placement's discretisation error; None if it was not asked for or can't be had.
-    trail : tuple of RefinementStep
-        Discretisations tried for `planning.accuracy`; the plan is the last one's.
+        Estimated placement error due to the discretization; None if not requested or not possible.
+    refinement_history : tuple of RefinementStep
+        Discretizations that were tried to reach `planning.accuracy`. The last is that of the plan.
     missing : mapping
-        Why something is None that was asked for, by its name in JSON.
+        Reasons why requested quantities are None, by their names in JSON.
     discretisation : Discretised or None
-        What the plan was made on.
+        Summary of the discretization.
     warnings : tuple of str
     skipped, reasons : mapping
-        What the scene did without, and why it was resolved as it was.
+        Computations that the scene does not need, and the reasons for automatic choices.
     timings : mapping
         Seconds by stage.
     """
@@ -168,7 +168,7 @@ class Evidence:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Plan:
-    """The outcome of planning.
+    """Result of planning.
 
     Parameters
     ----------
@@ -176,33 +176,33 @@ class Plan:
     sentence : str
     target : array, shape (dim,), m
     best : Release or None
-        The planned release (the best one tried, if none solved the search).
+        The planned release, or the best one of a search without a solution.
     unplanned : Release or None
-        Released with the tip at the target in the world, as if nothing moved.
+        Release with the tip at the target in space, as if the tissue were rigid.
     depth_only : Release or None
-        At the target's height, at the best depth.
+        Best release at the lateral offset of the target.
     missing : mapping
-        Why a release is None, by its name in JSON.
+        Reasons why a release is None, by its name in JSON.
     search : str
-        Which search was used.
+        Search method.
     solution : SearchResult
-        Heights tried and what they missed by.
+        Lateral offsets that were tried, and their errors.
     insertions : int
-        Insertions spent on the search.
+        Number of insertions of the search.
     insertion, level : Insertion
-        The planned insertion, and that at the target's height.
+        The planned insertion, and that at the lateral offset of the target.
     other_solutions : tuple of float or None
-        Further heights that hit the target (relative to it, m); None if not asked for.
+        Further lateral offsets that reach the target (relative to it, m); None if not requested.
     scan_insertions : int
-        Insertions spent on looking for them.
+        Number of insertions of the scan for them.
     passings : tuple of Passing
-        How near the planned needle comes to the obstacles.
-    barred : BlockedRelease or None
-        What obstacles stand in the way of; None if of nothing.
-    refusals : tuple of RejectedDirection
-        Directions that were tried before this one.
+        Distances of the planned needle from the obstacles.
+    blocked : BlockedRelease or None
+        The best release without obstacles if an obstacle blocks it.
+    rejected_directions : tuple of RejectedDirection
+        Directions that were not chosen.
     evidence : Evidence or None
-        None from `Planner.plan`, which only searches.
+        None for `Planner.plan`, which only searches.
     """
 
     status: PlanStatus
@@ -234,24 +234,24 @@ class Plan:
 
 
 SMALL = 0.01
-"""Part of the whole below which a contribution to the placement error is not named."""
+"""Share of the placement error below which a contribution is not named."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Headline:
-    """The stated placement error of a plan, and what it contains.
+    """The stated placement error of a plan, and its contributions.
 
     Parameters
     ----------
     placement_error : float or None, m
-        None where it could not be estimated or was not asked for.
+        None if it could not be estimated or was not requested.
     contains : mapping
-        Its parts, m: ``mesh`` and ``path`` spacing, each as estimated times the safety factor, and
-        what the ``search`` left.
+        Contributions, m: ``mesh`` and ``path`` spacing, each estimated and multiplied by the safety
+        factor, and the residual of the ``search``.
     unknown : str
-        Why there is none.
+        Reason why the error is None.
     validity : StrainCheck or None
-        Strains at the release: what those beyond the limit do to the placement is in no number.
+        Strains at the release. The effect of strains beyond the limit is not in the error.
     """
 
     placement_error: float | None
@@ -261,27 +261,27 @@ class Headline:
 
     @property
     def error(self) -> str:
-        """The placement error with its parts, such as ``at most about 0.58 mm: mesh``."""
+        """The placement error with its contributions, such as ``at most about 0.58 mm: mesh``."""
         if self.placement_error is None:
             return f"not estimated: {self.unknown}"
-        whole = self.placement_error
-        said = f"at most about {1e3 * whole:.2g} mm"
-        told = {name: part for name, part in self.contains.items() if part > SMALL * whole}
-        if len(told) == 1:
-            return f"{said}: {next(iter(told))}"
-        parts = ", ".join(f"{name} {1e3 * part:.2g} mm" for name, part in told.items())
-        return f"{said}: {parts}" if parts else said
+        total = self.placement_error
+        text = f"at most about {1e3 * total:.2g} mm"
+        named = {name: part for name, part in self.contains.items() if part > SMALL * total}
+        if len(named) == 1:
+            return f"{text}: {next(iter(named))}"
+        parts = ", ".join(f"{name} {1e3 * part:.2g} mm" for name, part in named.items())
+        return f"{text}: {parts}" if parts else text
 
     @property
     def strains(self) -> str:
-        """What is said of strains beyond the limit."""
+        """Sentence on strains beyond the limit."""
         if self.validity is None:
-            return "strains at the release not known"
+            return "strains at the release not computed"
         return f"{self.validity.headline}{', not included' if self.validity.beyond_limit else ''}"
 
     @property
     def title(self) -> str:
-        """Both, as short as a picture's title."""
+        """Error and strains in the length of a picture title."""
         if self.validity is None or not self.validity.beyond_limit:
             return f"placement error {self.error}"
         size = f"{self.validity.largest_strain:.2g} > {self.validity.strain_limit:g}"
@@ -289,7 +289,7 @@ class Headline:
 
     @property
     def sentence(self) -> str:
-        """Both, as they stand behind the status."""
+        """Error and strains as printed after the status."""
         return f"placement error {self.error}; {self.strains}"
 
 
@@ -300,7 +300,7 @@ def headline(plan: Plan, evidence: Evidence | None = None) -> Headline:
     ----------
     plan : Plan
     evidence : Evidence, optional
-        The plan's own when left out.
+        That of the plan when left out.
     """
     evidence = plan.evidence if evidence is None else evidence
     parts, unknown = _parts(plan, evidence)
@@ -313,9 +313,9 @@ def headline(plan: Plan, evidence: Evidence | None = None) -> Headline:
 
 
 def _parts(plan: Plan, evidence: Evidence | None) -> tuple[dict[str, float], str]:
-    """Return the parts of the placement error, m; none, and why, where it is not known."""
+    """Return the contributions to the placement error, m; or an empty mapping and the reason."""
     if plan.best is None or evidence is None:
-        return {}, "nothing is placed" if plan.best is None else "no evidence was asked for"
+        return {}, "nothing is placed" if plan.best is None else "it was not requested"
     if evidence.estimate is None:
         return {}, evidence.missing.get("estimate", "planning.estimate = false")
     known = evidence.estimate
@@ -326,7 +326,7 @@ def _parts(plan: Plan, evidence: Evidence | None) -> tuple[dict[str, float], str
 
 
 def with_headline(plan: Plan, evidence: Evidence) -> Plan:
-    """Return a plan with its evidence; the sentence of one that succeeded is its headline."""
+    """Return a plan with its evidence; the headline is the sentence of a successful plan."""
     sentence = plan.sentence
     if plan.status is PlanStatus.PLANNED:
         rest = f"; {plan.blocked.sentence}" if plan.blocked is not None else ""

@@ -11,12 +11,12 @@ import numpy as np
 from needlefem._arrays import Floats
 
 TIE = 1e-9
-"""Errors that differ by less, relative, count as equal: then the height tried first is kept."""
+"""Relative difference below which errors count as equal; the offset tried first is then kept."""
 
 Miss = Callable[[Floats], "Floats | None"]
-"""Signed lateral miss at a height, both of shape (dim - 1,), m; None where out of reach."""
+"""Signed lateral error at a lateral offset, both of shape (dim - 1,), m; None if out of reach."""
 Error = Callable[[float], float]
-"""Placement error at a height, m; infinite where out of reach."""
+"""Placement error at a lateral offset, m; infinite if out of reach."""
 
 
 class SearchStatus(StrEnum):
@@ -30,17 +30,17 @@ class SearchStatus(StrEnum):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SearchResult:
-    """A height and how it was found.
+    """A lateral offset, and how it was found.
 
     Parameters
     ----------
     found : SearchStatus
     height : array, shape (dim - 1,), m
-        Relative to the target's; the best one tried if nothing was solved.
+        Lateral offset relative to the target; the best one tried if there is no solution.
     miss : float, m
-        What is left there.
+        Error at this offset.
     tried : tuple of (height, miss)
-        In the order of the insertions.
+        All offsets and errors in the order of the insertions.
     """
 
     found: SearchStatus
@@ -52,23 +52,25 @@ class SearchResult:
 def signed_root(
     miss: Miss, start: Floats, within: tuple[float, float], tolerance: float, most: int
 ) -> SearchResult:
-    """Find the height where the signed miss is zero.
+    """Return the lateral offset at which the signed lateral error is zero.
 
-    The miss is smooth in the height and grows almost one for one, so that Broyden's method with
-    the unit Jacobian to begin with needs few insertions. In 2D (one lateral direction) a change
-    of sign is kept as a bracket, and the secant may not leave it.
+    The error is a smooth function of the offset with a derivative of nearly one, so that Broyden's
+    method with the unit matrix as first Jacobian needs few insertions. In 2D (one lateral
+    direction) the ends of an interval with a change of sign are stored, and each iterate stays
+    inside of it.
 
     Parameters
     ----------
     miss : callable
         See `Miss`.
     start : array, shape (dim - 1,), m
-        First height, relative to the target's.
+        First lateral offset relative to the target.
     within : (float, float), m
-        Feasible heights in every lateral direction.
+        Feasible lateral offsets in each lateral direction.
     tolerance : float, m
+        Largest lateral error of a solution.
     most : int
-        Most evaluations.
+        Largest number of insertions.
     """
     search = _Root(miss, within, tolerance, most)
     return search.run(np.clip(start, *within))
@@ -93,21 +95,21 @@ class _Root:
         while len(self._tried) < self._most:
             if np.max(np.abs(value)) <= self._tolerance:
                 return self._end(SearchStatus.SOLVED)
-            wanted = self._guarded(height - np.linalg.solve(jacobian, value))
-            if np.array_equal(wanted, height):
+            request = self._guarded(height - np.linalg.solve(jacobian, value))
+            if np.array_equal(request, height):
                 return self._end(SearchStatus.OUTSIDE_RANGE)
-            reached = self._evaluate(wanted)
+            reached = self._evaluate(request)
             if reached is None:
-                retreat = self._between(height, wanted)
+                retreat = self._between(height, request)
                 if retreat is None:
                     return self._end(SearchStatus.UNREACHABLE)
-                wanted, reached = retreat
-            change = wanted - height
+                request, reached = retreat
+            change = request - height
             error = reached - value - jacobian @ change
             jacobian = jacobian + np.outer(error, change) / (change @ change)
             if abs(np.linalg.det(jacobian)) < 1e-3:
                 jacobian = np.eye(len(height))
-            height, value = wanted, reached
+            height, value = request, reached
         return self._end(SearchStatus.NOT_CONVERGED)
 
     def _evaluate(self, height: Floats) -> Floats | None:
@@ -115,9 +117,9 @@ class _Root:
         self._tried.append((height, value))
         return value
 
-    def _guarded(self, wanted: Floats) -> Floats:
-        """Keep a step in the range and, in 2D, strictly inside the bracket."""
-        clipped = np.clip(wanted, self._low, self._high)
+    def _guarded(self, request: Floats) -> Floats:
+        """Restrict an iterate to the range and, in 2D, to the inside of the bracket."""
+        clipped = np.clip(request, self._low, self._high)
         bracket = self._bracket()
         if bracket is not None and not bracket[0] < clipped[0] < bracket[1]:
             clipped = np.array([0.5 * (bracket[0] + bracket[1])])
@@ -134,7 +136,7 @@ class _Root:
         return None
 
     def _first_reachable(self, height: Floats) -> tuple[Floats, Floats] | None:
-        """Look for a height in the range at which the target can be reached at all."""
+        """Return the first lateral offset in reach of a few in the range, and its error."""
         for share in (0.25, 0.75, 0.0, 1.0, 0.5):
             if len(self._tried) >= self._most:
                 return None
@@ -145,7 +147,7 @@ class _Root:
         return None
 
     def _between(self, good: Floats, bad: Floats) -> tuple[Floats, Floats] | None:
-        """Back off from an unreachable height towards one that was reached."""
+        """Return a lateral offset between one in reach and one out of reach, and its error."""
         for _ in range(4):
             bad = 0.5 * (good + bad)
             value = self._evaluate(bad)
@@ -162,7 +164,7 @@ class _Root:
 
 
 def golden_section(error: Error, low: float, high: float, tolerance: float) -> SearchResult:
-    """Minimise a unimodal error over the height, as the paper does (2D).
+    """Minimize a unimodal error over the lateral offset, as in the paper of 2003 (2D).
 
     Ends when the interval is narrower than `tolerance` (m).
     """
@@ -188,7 +190,7 @@ def golden_section(error: Error, low: float, high: float, tolerance: float) -> S
 
 
 def grid(error: Error, low: float, high: float, spacing: float) -> SearchResult:
-    """Minimise any error over a grid of heights (2D)."""
+    """Minimize an error over a grid of lateral offsets (2D)."""
     count = round((high - low) / spacing) + 1
     return _best([(height, error(height)) for height in np.linspace(low, high, count)])
 
@@ -204,12 +206,12 @@ def _best(tried: list[tuple[float, float]]) -> SearchResult:
 
 
 def _less(one: float, other: float) -> bool:
-    """Say whether an error is less than another by more than round-off."""
+    """Say whether an error is smaller than another one by more than round-off."""
     return one < other * (1.0 - TIE)
 
 
 def sign_changes(miss: Miss, low: float, high: float, count: int) -> list[tuple[float, float]]:
-    """Return the intervals of a coarse scan in which the miss changes sign (2D)."""
+    """Return the intervals of a coarse scan in which the lateral error changes its sign (2D)."""
     heights = np.linspace(low, high, count)
     values = [miss(np.array([height])) for height in heights]
     signs = [None if v is None else v[0] > 0.0 for v in values]

@@ -15,7 +15,7 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import TipPhase
 from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import InsertionReader, broke_off
+from needlefem.planning.reading import InsertionReader, ended_early
 from needlefem.planning.result import Plan
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.charts import Axis, Chart
@@ -123,7 +123,7 @@ def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
     """Return times, positions along the path (m), and directions of slip; 9 is no contact."""
     states = [state for state in insertion.states if state.tip_phase is not TipPhase.RUPTURE]
     stiffness = insertion.instrument.lateral_penalty
-    lengths = [1.0 / (p.compliance * stiffness) for p in insertion.pieces[1:]]
+    lengths = [1.0 / (p.compliance * stiffness) for p in insertion.segments[1:]]
     last = max((s.inserted_length for s in states), default=0.0)
     places = np.concatenate([[0.0], np.cumsum(lengths)])
     places = np.append(places, last) if last > places[-1] * (1.0 + 1e-9) else places
@@ -310,7 +310,7 @@ def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
     style, simulation = Style(), planner.simulation
     scene, insertion = simulation.scene, simulation.insert(planner.entry)
     title = "Placement error at the lateral offset of the target"
-    if broke_off(insertion):
+    if ended_early(insertion):
         title += f"; unknown beyond {100.0 * insertion.depths[-1]:.2f} cm"
     cut = CutPath(insertion)
     depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)

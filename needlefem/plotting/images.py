@@ -182,7 +182,7 @@ def require_kind(path: Path, kinds: tuple[str, ...]) -> None:
     """Raise a `CaseError` if the suffix of a file is none of the given ones."""
     if path.suffix not in kinds:
         options = ", ".join(kinds)
-        raise CaseError("--out", f"'{path.name}' is no picture of this kind", f"use {options}")
+        raise CaseError("--out", f"'{path.name}' is not a picture of this kind", f"use {options}")
 
 
 def _write_pillow(frames: Iterator[Image], path: Path, rate: float) -> None:

@@ -70,8 +70,8 @@ class SurfaceMesh:
             pattern = _Pattern(corners.shape[1], self.parts)
             numbers = np.arange(len(owners) * pattern.size).reshape(len(owners), pattern.size)
             self._cut(owners, kinds, pattern)
-            self.polygons = numbers[:, pattern.pieces].reshape(-1, corners.shape[1])
-            self.cells = np.repeat(owners, len(pattern.pieces))
+            self.polygons = numbers[:, pattern.sub_cells].reshape(-1, corners.shape[1])
+            self.cells = np.repeat(owners, len(pattern.sub_cells))
             along = numbers[:, pattern.rim]
         self.edges, alone = _edges(corners, along)
         self.outline: Ints = self.edges[alone]
@@ -121,7 +121,7 @@ class _Pattern:
     ----------
     weights : array, shape (size, corners)
         Weights of the corners at each point.
-    pieces : array, shape (parts^2, corners)
+    sub_cells : array, shape (parts^2, corners)
         Point numbers of the parts.
     rim : array, shape (corners, parts + 1)
         Points along the edges.
@@ -142,8 +142,8 @@ class _Pattern:
         for i, j in grid:
             ring = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
             split = [ring] if square else [[ring[0], ring[1], ring[3]], ring[1:]]
-            found += [piece for piece in split if all(place in number for place in piece)]
-        self.pieces = np.array([[number[place] for place in piece] for piece in found])
+            found += [sub_cell for sub_cell in split if all(place in number for place in sub_cell)]
+        self.sub_cells = np.array([[number[place] for place in sub_cell] for sub_cell in found])
         ends = [(0, 0), (parts, 0), (parts, parts), (0, parts)] if square else [
             (0, 0), (parts, 0), (0, parts)]  # fmt: skip
         self.rim = np.array(

@@ -57,7 +57,7 @@ class BoxMesh(Validated):
     origin: Coordinates = parameter("Corner with the smallest coordinates", "length", default=())
     divisions: tuple[int, ...] = parameter("Squares along every axis", low=1.0, closed=True)
     pattern: str = parameter(
-        "How a square is cut: into two triangles, into four, or left whole",
+        "Division of a square: two triangles, four triangles, or one quadrilateral",
         default="diagonal",
         choices=("diagonal", "crossed", "quadrilateral"),
     )
@@ -114,46 +114,46 @@ class Discretization(Validated):
 
     element: str = parameter("Element of the catalogue, or 'auto'", default="auto")
     path_spacing: float = parameter(
-        "Length of the pieces of the cut path that carry contact",
+        "Length of the contact segments of the cut path",
         "length",
         default=0.8e-3,
         low=0.0,
     )
     tip_quadrature_points: int = parameter(
-        "Quadrature points of the tip's kernel; 0 chooses by the distance of nodes",
+        "Quadrature points of the tip kernel; 0: chosen by the distance of nodes",
         default=0,
         low=0.0,
         closed=True,
     )
     integrator: str = parameter(
-        "March along the path, equilibrium step by step, with inertia, or what the scene needs",
+        "Path following, time stepping without or with inertia, or what the scene needs",
         default="auto",
         choices=("auto", "path_following", "quasi_static", *DYNAMIC),
         refused=TISSUE_ALONE,
     )
     time_step: float = parameter(
-        "Longest time step; 0: that of half a piece of the path at the motion's speed",
+        "Longest time step; 0: half a contact segment at the motion's speed",
         "time",
         default=0.0,
         low=0.0,
         closed=True,
     )
     rho_inf: float = parameter(
-        "Generalised-alpha: by what motion that the step can't follow shrinks a step",
+        "Generalized-alpha: factor per step for frequencies that the step does not resolve",
         default=0.8,
         low=0.0,
         high=1.0,
         closed=True,
     )
     newmark_gamma: float = parameter(
-        "Newmark: 0.5 is the average acceleration, more damps; beta goes with it",
+        "Newmark: 0.5 is the average acceleration, larger values damp; beta follows from it",
         default=0.6,
         low=0.5,
         high=1.0,
         closed=True,
     )
     mass_matrix: str = parameter(
-        "Mass of tissue with inertia, consistent or a lumping that the element has",
+        "Mass matrix with inertia: consistent, or a lumping scheme of the element",
         default="consistent",
         choices=("consistent", "row-sum", "hrz"),
     )
@@ -170,10 +170,10 @@ class Rayleigh(Validated):
         "Damping of strain rates", "time", default=0.0, low=0.0, closed=True
     )
     frequencies: Coordinates = parameter(
-        "Two frequencies with known damping, instead", "rate", default=(), low=0.0
+        "Two frequencies with known damping, instead of the rates", "rate", default=(), low=0.0
     )
     ratios: Coordinates = parameter(
-        "Shares of critical damping there", default=(), low=0.0, closed=True
+        "Damping ratios at these frequencies", default=(), low=0.0, closed=True
     )
 
     def check(self) -> None:
@@ -205,20 +205,20 @@ class Limits(Validated):
     TABLE = "limits"
 
     memory: float = parameter(
-        "Most memory that mesh, stiffness and contact may take",
+        "Largest memory of mesh, stiffness and contact",
         "memory",
         default=8e9,
         low=1e6,
         closed=True,
     )
     steps: int = parameter(
-        "Most pieces of the path, or time steps, of one motion",
+        "Largest number of contact segments, or time steps, of one motion",
         default=1_000_000,
         low=1.0,
         closed=True,
     )
     count: int = parameter(
-        "Most targets, seeds of a train, kernel points, snapshots, panels or frames",
+        "Largest number of targets, seeds, kernel points, snapshots, panels or frames",
         default=10_000,
         low=1.0,
         closed=True,

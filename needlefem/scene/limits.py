@@ -16,7 +16,7 @@ from needlefem.scene.schema import Scene
 BYTES_PER_UNKNOWN = 7e3
 """Mesh, stiffness, its factor and the responses, for an unknown: measured 4 to 7 kB."""
 BYTES_PER_PAIR = 100.0
-"""Contact of two pieces of the path, in dense matrices of a row for each piece: measured."""
+"""Measured memory of the dense contact matrices for each pair of contact segments."""
 CELLS_PER_SQUARE = {"diagonal": 2, "crossed": 4, "quadrilateral": 1}
 SPLIT = 3
 """Quadrilaterals that a triangle is cut into where a box of them is refined or fitted."""
@@ -51,14 +51,12 @@ def check_scene(scene: Scene) -> None:
     for key, count in counts.items():
         check_count(count, key, limits, least=0)
     spacing = scene.discretization.path_spacing
-    pieces = math.ceil(scene.motion.max_depth / spacing)
-    what = (
-        f"a path of {scene.motion.max_depth:g} m in pieces of {spacing:g} m has {pieces:,} pieces"
-    )
+    segments = math.ceil(scene.motion.max_depth / spacing)
+    what = f"a path of {scene.motion.max_depth:g} m has {segments:,} segments of {spacing:g} m"
     key = "discretization.path_spacing"
-    if pieces > limits.steps:
+    if segments > limits.steps:
         raise CaseError(key, what, _remedy("a longer spacing", "steps", f"{limits.steps:,}"))
-    _check_memory(BYTES_PER_PAIR * pieces**2, what, key, "a longer spacing", limits)
+    _check_memory(BYTES_PER_PAIR * segments**2, what, key, "a longer spacing", limits)
 
 
 def check_mesh(scene: Scene) -> None:

@@ -67,11 +67,11 @@ def damping_time(scene: Scene) -> float:
 
 
 def needs_steps(scene: Scene) -> str:
-    """Return why a march can't even begin; empty if it can."""
+    """Return why path following is not possible from the start; empty if it is possible."""
     if any(branches_of(law, scene.dim, scene.plane) for law in scene.materials.values()):
         return "viscoelastic tissue depends on time"
     if scene.needle.static_friction_ratio > 1.0 or scene.needle.tangential_penalty > 0.0:
-        return "friction depends on what slips"
+        return "friction depends on slip"
     return ""
 
 
@@ -81,8 +81,8 @@ def needs_steps(scene: Scene) -> str:
 CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
 """By shape of the cells: the element that is fastest to an accuracy, the mixed one that overtakes
 it before it locks, and the Poisson's ratio at which it does (``needlefem bench elements``)."""
-SHORT_PIECE = 0.75
-"""Length of a piece over the element size from which on its sticking is smooth
+SHORT_SEGMENT = 0.75
+"""Length of a contact segment over the element size above which sticking is smooth
 (``verification/friction/multiplier_noise.py``)."""
 POINTS_PER_NODE_DISTANCE = 3.5
 """Quadrature points of the tip's kernel along the distance of two nodes: the error of a placement
@@ -224,18 +224,18 @@ def tip_element_size(scene: Scene) -> float | None:
 def _skips(scene: Scene) -> dict[str, str]:
     found = {
         "dynamics": "quasi-static: one slow insertion; inertia is below tolerance",
-        "time_steps": "monotone insertion with all points slipping: marched along the path",
+        "time_steps": "monotone insertion with all points slipping: path following",
         "reassembly": "the stiffness is constant: one factorisation",
-        "responses_elsewhere": "only the needle's corridor is touched",
+        "responses_elsewhere": "only nodes near the needle carry forces",
         "retraction": "elastic tissue and the first seed: it comes to rest where it was released",
         "mass_and_damping": "not used by a quasi-static insertion",
         "full_fields": "recovered only for the states that are checked, drawn or written",
-        "pictures": "nothing is imported for them before they are asked for",
-        "further_insertions": "a search ends where the target is met to its tolerance",
+        "pictures": "their modules are imported only when they are requested",
+        "further_insertions": "a search ends when the error is within its tolerance",
         "repetition": "all insertions share assembly, factorisation and responses",
     }
     if not scene.planning.estimate:
-        found["estimate"] = "what the discretisation does to a placement: not asked for"
+        found["estimate"] = "the error estimate was not requested"
     motion = scene.motion
     if scene.discretization.integrator != "path_following" or motion.stages or motion.times:
         del found["time_steps"], found["retraction"]
@@ -266,7 +266,7 @@ def _friction_warnings(scene: Scene) -> list[str]:
 
 
 def stick_warnings(scene: Scene) -> list[str]:
-    """Say where the friction of what sticks would alternate from piece to piece."""
+    """Return a warning if the friction of sticking segments alternates along the needle."""
     size, needle = tip_element_size(scene), scene.needle
     steps = (
         scene.motion.stages
@@ -275,11 +275,11 @@ def stick_warnings(scene: Scene) -> list[str]:
     )
     if not steps or size is None or needle.tangential_penalty > 0.0:
         return []
-    if scene.discretization.path_spacing >= SHORT_PIECE * size:
+    if scene.discretization.path_spacing >= SHORT_SEGMENT * size:
         return []
     return [
         f"the path spacing is below the element size along the needle ({size * 1e3:.2g} mm): the "
-        "friction of what sticks alternates from piece to piece; lengthen it or give "
+        "friction of sticking segments alternates from segment to segment; lengthen it or give "
         "needle.tangential_penalty (1e9 N/m^3 is enough)"
     ]
 
@@ -300,7 +300,7 @@ def _locking(scene: Scene, row: ElementType) -> list[str]:
 
 def _tip_warnings(scene: Scene, row: ElementType) -> list[str]:
     if scene.needle.tip == "point":
-        return ["a point tip never converges: the answer drifts with every refinement"]
+        return ["a point tip does not converge: each refinement changes the result"]
     radius, size = scene.needle.tip_radius, tip_element_size(scene)
     if size is not None and size / row.degree > 0.55 * radius:
         return [
@@ -316,5 +316,5 @@ def _spacing_warnings(scene: Scene, row: ElementType) -> list[str]:
         return []
     return [
         f"the path spacing is below a third of the node distance ({size / row.degree * 1e3:.2g} "
-        "mm): only the lateral stiffness keeps the shaft's forces from becoming noise"
+        "mm): without the lateral penalty the shaft forces would be dominated by round-off"
     ]

@@ -55,13 +55,13 @@ class Region(Validated):
         closed=True,
     )
     cutting_force: float | None = parameter(
-        "Cutting force here, where it differs from the needle's",
+        "Cutting force in the region, if it differs from the needle's",
         "cutting force",
         default=None,
         low=0.0,
     )
     shaft_friction: float | None = parameter(
-        "Shaft friction here, where it differs from the needle's",
+        "Shaft friction in the region, if it differs from the needle's",
         "shaft friction",
         default=None,
         low=0.0,
@@ -81,11 +81,9 @@ class Obstacle(Validated):
     TABLE = "obstacles.NAME"
 
     contour: Contour
-    region: str | None = parameter(
-        "Region of the tissue that it is, instead of a contour", default=None
-    )
+    region: str | None = parameter("Region of the tissue, instead of a contour", default=None)
     clearance: float = parameter(
-        "Least distance of the needle's line, from tip to hub", "length", low=0.0, closed=True
+        "Smallest distance of the needle axis, from tip to hub", "length", low=0.0, closed=True
     )
 
     def __post_init__(self) -> None:
@@ -101,13 +99,13 @@ class Needle(Validated):
     TABLE = "needle"
 
     tip_radius: float = parameter(
-        "Radius of the disc (ball) over which the tip's force is spread",
+        "Radius of the disc (ball) over which the tip force is distributed",
         "length",
         default=1.27e-3,
         low=0.0,
     )
     tip: str = parameter(
-        "As thick as its radius, or a needle without thickness, which never converges",
+        "Tip force on a disc of the radius, or on a point, which does not converge",
         default="disc",
         choices=("disc", "point"),
     )
@@ -116,24 +114,24 @@ class Needle(Validated):
         "Friction limit per unit length of the cut path", "shaft friction", low=0.0, closed=True
     )
     lateral_penalty: float = parameter(
-        "Stiffness that holds the cut path on the axis, per unit of its length",
+        "Stiffness that keeps the cut path on the axis, per length of the path",
         "lateral stiffness",
         default=1e9,
         low=0.0,
     )
     static_friction_ratio: float = parameter(
-        "Friction limit of what sticks, over that of what slips", default=1.0, low=1.0, closed=True
+        "Static over kinetic friction limit", default=1.0, low=1.0, closed=True
     )
     slip_weakening_distance: float = parameter(
-        "Slip over which friction falls from static to kinetic",
+        "Slip over which friction decreases from static to kinetic",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
     tangential_penalty: float = parameter(
-        "Stiffness of sticking along the needle, per unit of its length; 0: rigid, or chosen where "
-        "the mesh can't tell apart what sticks",
+        "Stiffness of sticking segments along the needle, per length of the path; 0: rigid, or "
+        "chosen where the mesh does not resolve rigid sticking",
         "lateral stiffness",
         default=0.0,
         low=0.0,
@@ -149,14 +147,14 @@ class Stage(Validated):
 
     depth: float | None = parameter("Depth at its end", "length", default=None)
     speed: float | None = parameter(
-        "Speed, where it differs from the motion's", "speed", default=None, low=0.0
+        "Speed, if it differs from the motion's", "speed", default=None, low=0.0
     )
     dwell: float | None = parameter("How long the needle rests", "time", default=None, low=0.0)
     release: str | None = parameter(
-        "Name of what the tip releases at the end of the stage", default=None
+        "Name of the seed that is released at the end of the stage", default=None
     )
     seed_count: int | None = parameter(
-        "How many seeds are laid while retracting, the first where it starts",
+        "Number of seeds released during the retraction, the first at its start",
         default=None,
         low=1.0,
         closed=True,
@@ -194,7 +192,7 @@ class Motion(Validated):
     max_depth: float = parameter("Largest feasible depth of the tip", "length", low=0.0)
     speed: float = parameter("Speed of insertion", "speed", default=5e-3, low=0.0)
     stages: tuple[Stage, ...] = parameter(
-        "Insert, hold, retract: one table for each; one insertion when left out", default=()
+        "Insertion, dwell, retraction: one table for each; one insertion if omitted", default=()
     )
     times: Coordinates = parameter("Times of a table, instead of stages", "time", default=())
     depths: Coordinates = parameter("Depths at these times", "length", default=())
@@ -211,40 +209,40 @@ class Planning(Validated):
     TABLE = "planning"
 
     offset_range: tuple[float, float] = parameter(
-        "Feasible insertion heights, relative to the target's", "length", default=(-2e-3, 2e-3)
+        "Feasible lateral offsets relative to the target", "length", default=(-2e-3, 2e-3)
     )
     directions: tuple[Coordinates, ...] = parameter(
-        "Directions to try in turn where obstacles block the motion's own", default=()
+        "Directions to try in turn if obstacles block that of the motion", default=()
     )
     search: str = parameter(
-        "Root of the signed miss, golden section as in the paper, or a grid",
+        "Root of the lateral error, golden section as in the paper, or a grid",
         default="root",
         choices=("root", "golden", "grid"),
     )
     tolerance: float = parameter(
-        "Signed miss at which the root is accepted", "length", default=1e-8, low=0.0
+        "Lateral error at which the root is accepted", "length", default=1e-8, low=0.0
     )
     interval_tolerance: float = parameter(
-        "Width of the height interval at which golden section and grid end",
+        "Width of the interval of offsets at which golden section and grid end",
         "length",
         default=1e-4,
         low=0.0,
     )
     max_insertions: int = parameter(
-        "Most insertions of one search", default=40, low=1.0, closed=True
+        "Largest number of insertions of a search", default=40, low=1.0, closed=True
     )
     estimate: bool = parameter(
-        "Whether to estimate what the elements do to the placement", default=True
+        "Whether to estimate the placement error due to the elements", default=True
     )
     accuracy: float = parameter(
-        "Error of the placement that element, sizes and path spacing are chosen for; 0: the case's",
+        "Placement error for which element, sizes and path spacing are chosen; 0: as in the case",
         "length",
         default=0.0,
         low=0.0,
         closed=True,
     )
     max_unknowns: int = parameter(
-        "Most unknowns that are spent on an accuracy", default=100_000, low=1.0, closed=True
+        "Largest number of unknowns for an accuracy", default=100_000, low=1.0, closed=True
     )
 
     def check(self) -> None:
@@ -281,8 +279,8 @@ class Outputs(Validated):
         "Pictures to draw: stages, depth, height", default=("stages", "depth", "height")
     )
     strain_limit: float = parameter(
-        "Largest strain away from the tip that small strain is trusted with; the first line says "
-        "whether a result is beyond it",
+        "Largest strain away from the tip for which small strain is accepted; the first line of a "
+        "result states whether it is exceeded",
         default=0.3,
         low=0.0,
     )
@@ -332,7 +330,7 @@ class Scene(Validated):
     discretization: Discretization = dataclasses.field(default_factory=Discretization)
     needle: Needle
     motion: Motion
-    target: Coordinates | None = parameter("Point to hit", "length", default=None)
+    target: Coordinates | None = parameter("Point for the seed", "length", default=None)
     planning: Planning = Planning()
     targets: TargetDraw | None = None
     outputs: Outputs = Outputs()
@@ -464,5 +462,5 @@ def _contour(raw: Any, key: str) -> Contour:
     except (TypeError, ValueError):
         fits = False
     if not fits:
-        raise CaseError(key, f"{short(raw)} is no contour", "give corners, shape (n, 2), m")
+        raise CaseError(key, f"{short(raw)} is not a contour", "give corners, shape (n, 2), m")
     return found

@@ -43,13 +43,13 @@ def agreement(scene: Scene) -> Table:
         placed = placed_on(exact, found)
         if placed is not None:
             places.append(placed)
-            off = 1e3 * (placed - found.target)
+            error = 1e3 * (placed - found.target)
             name, unknowns = exact.model.element.name, len(exact.model.free_dofs)
-            rows.append([name, unknowns, *off.tolist(), float(np.linalg.norm(off))])
+            rows.append([name, unknowns, *error.tolist(), float(np.linalg.norm(error))])
     apart = float(np.linalg.norm(places[0] - places[-1])) if len(places) > 1 else np.inf
     return Table(
-        title="the case's own plan on discretisations taken as exact",
-        columns=("element", "unknowns", *(f"off in {a} (mm)" for a in scene.axes), "error (mm)"),
+        title="the case's plan on discretizations taken as exact",
+        columns=("element", "unknowns", *(f"error in {a} (mm)" for a in scene.axes), "error (mm)"),
         rows=rows,
         passed=apart <= AGREE,
         note=f"they differ by {1e3 * apart:.2g} mm (at most {1e3 * AGREE:g} mm)",
@@ -115,6 +115,6 @@ def _table(scene: Scene, accuracy: float, rows: list[list[object]]) -> Table:
         passed=met == stated == near == len(rows),
         note=f"of {len(rows)} errors {met} are below the accuracy, {stated} below the stated "
         f"error, {near} within a factor {FACTOR:g} of the estimate; sizes: along the needle, at "
-        "contours, elsewhere, of the path's pieces",
+        "contours, elsewhere, path spacing",
         summary={f"{name}_{1e3 * accuracy:g}": count for name, count in counts.items()},
     )  # fmt: skip

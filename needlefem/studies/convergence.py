@@ -63,7 +63,7 @@ def refinement(scene: Scene, tip: str, levels: int = LEVELS) -> Table:
         ),
         rows=rows,
         passed=converges or tip == "point",
-        note="" if tip == "disc" else "a point tip drifts for ever, and soon finds no equilibrium",
+        note="" if tip == "disc" else "a point tip does not converge, and loses its equilibrium",
     )
 
 

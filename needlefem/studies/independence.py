@@ -28,7 +28,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         rows.append([name, 100.0 * moved, moved <= BOUND])
     return [
         Table(
-            title="seed of the case's own plan, carried out with other numbers of the method",
+            title="seed of the case's plan, simulated with other numerical parameters",
             columns=("varied", "seed moves (cm)", "at most 0.002 cm"),
             rows=rows,
             passed=all(row[2] for row in rows),
@@ -39,7 +39,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
 def variations(scene: Scene) -> dict[str, dict[str, Any]]:
     """Return the changes of a resolved scene by name."""
     spacing = scene.discretization.path_spacing
-    hold, points = scene.needle.lateral_penalty, scene.discretization.tip_quadrature_points
+    penalty, points = scene.needle.lateral_penalty, scene.discretization.tip_quadrature_points
     found: dict[str, dict[str, Any]] = {"nothing": {}}
     refine = scene.mesh.refine if isinstance(scene.mesh, BoxMesh) else Refinement()
     if refine.corridor_size > 0.0:
@@ -51,7 +51,7 @@ def variations(scene: Scene) -> dict[str, dict[str, Any]]:
     for factor in (2.0, 0.5, 0.25):
         found[f"path spacing x {factor:g}"] = {"discretization.path_spacing": factor * spacing}
     for factor in (0.1, 10.0, 100.0):
-        found[f"lateral hold x {factor:g}"] = {"needle.lateral_penalty": factor * hold}
+        found[f"lateral penalty x {factor:g}"] = {"needle.lateral_penalty": factor * penalty}
     for factor in (2, 4):
         found[f"kernel points x {factor}"] = {
             "discretization.tip_quadrature_points": factor * points

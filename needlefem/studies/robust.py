@@ -32,8 +32,8 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         )
     return [
         Table(
-            title="robust error: the case's plan, carried out elsewhere",
-            columns=("carried out", *(f"off in {a} (cm)" for a in scene.axes), "error (cm)"),
+            title="robust error: the case's plan, carried out on other models",
+            columns=("carried out", *(f"error in {a} (cm)" for a in scene.axes), "error (cm)"),
             rows=rows,
         )
     ]

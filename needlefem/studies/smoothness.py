@@ -1,7 +1,7 @@
-"""Numerical noise in lateral error and depth as functions of the insertion height.
+"""Numerical noise in lateral error and depth as functions of the lateral offset.
 
-The second differences for many heights at small distances show kinks where a contact point crosses
-an element edge. A search can't resolve differences below this noise.
+The second differences for many offsets at small distances show kinks where a contact point crosses
+an element edge. A search cannot resolve differences below this noise.
 """
 
 import numpy as np
@@ -14,11 +14,11 @@ from needlefem.scene import Scene
 
 HEIGHTS = 200
 BOUNDS = {5e-8: 1e-8, 5e-6: 1e-6}
-"""Largest second difference (m) by the distance between heights (m)."""
+"""Largest second difference (m) by the increment of the lateral offset (m)."""
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
-    """Return the largest second differences around the planned height."""
+    """Return the largest second differences around the planned lateral offset."""
     del other
     planner = planner_of(scene)
     planner.simulation.responses = CachedCompliance(planner.simulation.model)
@@ -32,7 +32,7 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
             reach = reading.reach
             if reach is None:
                 where = 100.0 * float(height[0])
-                raise SimulationError(f"at a height of {where:+.4g} cm, {reading.sentence}")
+                raise SimulationError(f"at an offset of {where:+.4g} cm, {reading.sentence}")
             values.append(
                 [float((reach.point - planner.target) @ planner.laterals[0]), reach.depth]
             )
@@ -48,8 +48,8 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         )
     return [
         Table(
-            title=f"largest second difference over {HEIGHTS} insertion heights",
-            columns=("heights apart (um)", "miss (cm)", "depth (cm)", "bound (cm)", "holds"),
+            title=f"largest second difference over {HEIGHTS} lateral offsets",
+            columns=("increment (um)", "lateral error (cm)", "depth (cm)", "bound (cm)", "passed"),
             rows=rows,
             passed=all(bool(row[4]) for row in rows),
         )

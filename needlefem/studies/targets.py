@@ -149,14 +149,14 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
                 "insertions",
                 "golden (cm)",
                 "insertions ",
-                "snaps",
+                "ruptures",
                 "status",
             ),
             rows=rows,
             note=f"means: unplanned {100 * found.unplanned_mean:.3f} cm (SD "
             f"{100 * found.unplanned_sd:.3f}), planned {100 * found.planned_mean:.1e} cm; "
             f"{len(found.unsolved)} without a solution"
-            + (f", {len(found.unknown)} unplanned ones not known" if found.unknown else ""),
+            + (f", {len(found.unknown)} unplanned not computed" if found.unknown else ""),
             summary=summary,
         )
     ]

@@ -158,7 +158,7 @@ def test_a_region_called_background_is_refused_in_a_case(gel: object) -> None:
 
     square = Contour(np.array([[0.02, 0.02], [0.04, 0.02], [0.04, 0.04], [0.02, 0.04]]))
     scene = vary(gel, {"regions": {"background": Region(contour=square, material="gel")}})
-    with pytest.raises(CaseError, match="regions.background: that is the name of all that lies"):
+    with pytest.raises(CaseError, match="regions.background: this name is reserved for the tissue"):
         build_mesh(scene)
 
 

@@ -106,7 +106,7 @@ def test_mistakes_end_with_2_and_one_line(
         ('motion.entry=["1.5 cm", "1 cm"]', "a plan chooses the entry"),
         ("supports.walls.faces=[]", "leave 3 rigid motions of the tissue free"),
         ('regions.prostate.offset=["1 cm", "2 cm"]', "the contour leaves the mesh"),
-        ("mesh.divisions=[1, 1]", "no mesh cell lies in the contour"),
+        ("mesh.divisions=[1, 1]", "no mesh cell is in the contour"),
         ("motion.direction=[1.0, 0.0]", "is fixed by a support"),
         (
             "materials.fat.poissons_ratio=0.5",

@@ -163,11 +163,11 @@ def test_ledger_of_a_damped_fall_into_rest() -> None:
     system = MatrixSystem(ONE, ONE, 0.5 * ONE)
     stepper = Newmark().stepper(system, 0.1)
     force = np.array([1.0])
-    motion, ledger = stepper.start(np.zeros(1), np.zeros(1), force), TissueEnergyBalance(stepper)
+    motion, balance = stepper.start(np.zeros(1), np.zeros(1), force), TissueEnergyBalance(stepper)
     for _ in range(1000):
         old, motion = motion, stepper.step_under_load(motion, force, force)
-        ledger.add(old, motion, force, force)
-    assert ledger.work == pytest.approx(1.0, abs=1e-9)
-    assert ledger.strain == pytest.approx(0.5, abs=1e-9)
-    assert ledger.damping == pytest.approx(0.5, abs=1e-9)
-    assert ledger.residual < 1e-12
+        balance.add(old, motion, force, force)
+    assert balance.work == pytest.approx(1.0, abs=1e-9)
+    assert balance.strain == pytest.approx(0.5, abs=1e-9)
+    assert balance.damping == pytest.approx(0.5, abs=1e-9)
+    assert balance.residual < 1e-12

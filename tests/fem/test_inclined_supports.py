@@ -96,7 +96,7 @@ def test_insertion_beside_rollers_turns_with_the_scene(
     inserted = [s.insert(s.entry_of_case()) for s in (found, other)]
     assert inserted[0].outcome.status == inserted[1].outcome.status == "completed"
     rollers = np.flatnonzero(np.isin(found.model.nodes[:, 0], 0.0))
-    touched = np.concatenate([piece.nodes for piece in inserted[0].pieces])
+    touched = np.concatenate([piece.nodes for piece in inserted[0].segments])
     assert np.isin(touched, rollers).any()
     assert inserted[1].tips == pytest.approx(inserted[0].tips @ TURN.T, abs=1e-10)
     forces = [[state.force for state in insertion.states] for insertion in inserted]

@@ -1,4 +1,4 @@
-"""No motion of a needle creates energy, and every term of its ledger is found by itself."""
+"""No motion of a needle creates energy; each energy term is computed from its own definition."""
 
 import dataclasses
 
@@ -140,7 +140,7 @@ def test_an_exactly_straight_path_is_cut_as_well(gel: Scene, trapezoidal: bool) 
 def test_path_following_ends_before_a_step_in_which_the_tip_would_give_energy(
     organ: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In soft tissue that is hard to cut the tissue goes ahead of the tip: seen by the check."""
+    """Soft tissue that is hard to cut moves faster than the tip; the check detects it."""
     soft = vary(
         organ,
         {
@@ -154,13 +154,13 @@ def test_path_following_ends_before_a_step_in_which_the_tip_would_give_energy(
     entry = simulation.entry_of_case()
 
     def followed() -> Insertion:
-        march = PathFollowing(simulation.instrument(entry), simulation.responses, 0.035)
-        assert len(list(march.iterate())) > 2
-        return march.result(soft, simulation.model)
+        path_following = PathFollowing(simulation.instrument(entry), simulation.responses, 0.035)
+        assert len(list(path_following.iterate())) > 2
+        return path_following.result(soft, simulation.model)
 
     checked = followed()
     assert checked.outcome.status is Status.STICK_DETECTED
-    assert "the tissue goes ahead of the tip that cuts it" in checked.outcome.sentence
+    assert "the tissue moves faster than the tip that cuts it" in checked.outcome.sentence
     assert energy_terms(checked).largest_energy_gain <= 1e-9
     monkeypatch.setattr(PathFollowing, "_check_energy", lambda *_: None)
     unchecked = followed()

@@ -20,9 +20,9 @@ def test_marches_beside_one_another_need_fewer_evaluations(organ: Scene) -> None
 
 
 def test_a_march_elsewhere_begins_anew() -> None:
-    guide = WarmStart(np.array([0.0, 0.0]))
-    guide.learnt += [(np.array([0.1]), np.eye(1)), (np.array([0.3]), 2.0 * np.eye(1))]
-    far, near = (guide.for_entry(np.array([x, 0.0]), 1e-3) for x in (2e-3, 1e-4))
+    warm_start = WarmStart(np.array([0.0, 0.0]))
+    warm_start.learnt += [(np.array([0.1]), np.eye(1)), (np.array([0.3]), 2.0 * np.eye(1))]
+    far, near = (warm_start.for_entry(np.array([x, 0.0]), 1e-3) for x in (2e-3, 1e-4))
     for other in (far, near):
         other.learnt.append((np.array([0.15]), np.eye(1)))
     slope, jacobian = near.guess(np.array([0.15]), np.eye(1))

@@ -51,7 +51,9 @@ def test_as_speed_falls_it_becomes_quasi_static(organ: Scene, integrator: str) -
 
 @BOTH
 @pytest.mark.parametrize("speed", [0.005, 0.05])
-def test_ledger_closes_and_nothing_gives_energy(gel: Scene, integrator: str, speed: float) -> None:
+def test_the_energy_balance_closes_and_contact_adds_none(
+    gel: Scene, integrator: str, speed: float
+) -> None:
     stages = (
         Stage(depth=0.01),
         Stage(dwell=0.1),
@@ -191,13 +193,13 @@ def pressed(gel: Scene) -> Callable[..., np.ndarray]:
 
     def hold(integrator: object, **options: bool) -> np.ndarray:
         simulation = Simulation(vary(gel, {"needle.cutting_force": 1e6}), model)
-        medium = DynamicResponse(
+        tissue_response = DynamicResponse(
             TissueSystem(model, Damping(mass_rate=400.0)), integrator, **options
         )
         instrument = simulation.instrument(simulation.entry_of_case())
-        stepping = TimeStepping(instrument, medium, model, SlipWeakeningFriction())
-        ticks = [TimeStep(1e-3 * n, 5e-4, 1e-3) for n in range(1, 301)]
-        return np.array([state.tip_force for state in stepping.iterate(ticks)])
+        stepping = TimeStepping(instrument, tissue_response, model, SlipWeakeningFriction())
+        time_steps = [TimeStep(1e-3 * n, 5e-4, 1e-3) for n in range(1, 301)]
+        return np.array([state.tip_force for state in stepping.iterate(time_steps)])
 
     return hold
 

@@ -33,12 +33,14 @@ def test_every_state_is_in_equilibrium_with_the_needle_on_its_line(
         tip = state.tip + state.tip_weights @ field[state.tip_nodes]
         assert axis.axial_coordinate(tip) == pytest.approx(state.depth, abs=1e-10)
         assert axis.lateral_offset(tip) == pytest.approx([0.0], abs=1e-10)
-        for piece, lateral, moved in zip(
-            insertion.pieces, state.lateral_force, state.segment_displacement, strict=False
+        for segment, lateral, moved in zip(
+            insertion.segments, state.lateral_force, state.segment_displacement, strict=False
         ):
-            mean = axis.frame @ (piece.weights @ field[piece.nodes])
+            mean = axis.frame @ (segment.weights @ field[segment.nodes])
             assert mean == pytest.approx(moved, abs=1e-10)
-            assert mean[1:] + piece.compliance * lateral == pytest.approx(-piece.offset, abs=1e-10)
+            assert mean[1:] + segment.compliance * lateral == pytest.approx(
+                -segment.offset, abs=1e-10
+            )
 
 
 def test_forces_are_those_of_the_model(organ: Scene, insert: Push) -> None:
@@ -114,7 +116,7 @@ def test_few_loads_on_many_nodes_are_solved_for_one_by_one(
         run = simulation.insertion_run(simulation.entry_of_case())
         paths.append(np.array([state.tip for state in run.iterate()]))
         kind = CachedCompliance if margin > 1.0 else DirectCompliance
-        assert isinstance(run.medium.responses, kind)
+        assert isinstance(run.tissue_response.responses, kind)
     assert paths[0] == pytest.approx(paths[1], abs=1e-11)
 
 
@@ -180,13 +182,13 @@ def test_snap_ends_where_the_branch_at_cutting_force_comes_back(popping: Scene) 
     snap = insertion.ruptures[0]
     from needlefem.insertion import PathFollowing
 
-    march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
-    for _ in march._puncture():
+    path_following = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
+    for _ in path_following._puncture():
         pass
-    depth, tips = [march.states[-1].depth], [march.states[-1].tip[1]]
-    march._check_slip = lambda *_: None  # type: ignore[method-assign]
+    depth, tips = [path_following.states[-1].depth], [path_following.states[-1].tip[1]]
+    path_following._check_slip = lambda *_: None  # type: ignore[method-assign]
     while not (len(depth) > 3 and depth[-1] > snap.depth and min(depth[-20:]) < depth[-1] - 1e-4):
-        state = march._accept(march._solve(simulation.instrument(entry).spacing))
+        state = path_following._accept(path_following._solve(simulation.instrument(entry).spacing))
         depth.append(state.depth)
         tips.append(state.tip[1])
         if tips[-1] > insertion.states[snap.last].tip[1] + 3e-3:
@@ -203,19 +205,20 @@ def test_a_snap_begins_at_the_largest_depth(popping: Scene) -> None:
     snap = simulation.insert(entry).ruptures[0]
     from needlefem.insertion import PathFollowing
 
-    march = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
-    list(itertools.islice(march.iterate(), snap.first))
+    path_following = PathFollowing(simulation.instrument(entry), simulation.responses, 1.0)
+    list(itertools.islice(path_following.iterate(), snap.first))
     low, high, highest = 0.02, 1.0, 0.0
     for _ in range(4):  # nested scans: depth has a kink at its maximum
         shares = np.linspace(low, high, 41)
         depths = [
-            march._solve(share * popping.discretization.path_spacing).depth for share in shares
+            path_following._solve(share * popping.discretization.path_spacing).depth
+            for share in shares
         ]
         peak = int(np.argmax(depths))
         assert 0 < peak < len(shares) - 1
         low, high, highest = shares[peak - 1], shares[peak + 1], depths[peak]
     assert snap.depth == pytest.approx(highest, abs=5e-9)
-    assert snap.depth > march.states[-1].depth + 1e-7
+    assert snap.depth > path_following.states[-1].depth + 1e-7
 
 
 def test_material_jumped_over_is_never_reached(popping: Scene, insert: Push) -> None:
@@ -233,21 +236,21 @@ def test_shaft_point_that_sticks_ends_the_march(gel: Scene) -> None:
     simulation = Simulation(gel)
     from needlefem.insertion import PathFollowing
 
-    march = PathFollowing(
+    path_following = PathFollowing(
         simulation.instrument(simulation.entry_of_case()), simulation.responses, 0.03
     )
-    states = march.iterate()
+    states = path_following.iterate()
     for _ in range(6):
         next(states)
-    last = march.states[-1]
+    last = path_following.states[-1]
     ahead = last.segment_displacement + np.array(
         [-1e-2, 0.0]
     )  # as if the points had been further back
-    march.states[-1] = vary(last, {"segment_displacement": ahead})  # type: ignore[arg-type,assignment]
+    path_following.states[-1] = vary(last, {"segment_displacement": ahead})  # type: ignore[arg-type,assignment]
     list(states)
-    assert march.outcome.status is Status.STICK_DETECTED
-    assert "stops slipping at depth" in march.outcome.sentence
-    assert len(march.states) == 6
+    assert path_following.outcome.status is Status.STICK_DETECTED
+    assert "stops slipping at depth" in path_following.outcome.sentence
+    assert len(path_following.states) == 6
 
 
 def test_no_equilibrium_is_a_status(gel: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -265,7 +268,7 @@ def test_step_solver_learns(gel: Scene) -> None:
 
 
 @pytest.mark.parametrize("element", ["P1", "P2"])
-def test_ledger_closes_by_both_formulas(organ: Scene, insert: Push, element: str) -> None:
+def test_the_balance_closes_by_both_formulas(organ: Scene, insert: Push, element: str) -> None:
     insertion = insert(vary(organ, {"discretization.element": element}))
     consistent, trapezoidal = energy_terms(insertion), energy_terms(insertion, trapezoidal=True)
     assert consistent.strain_energy_mismatch < 1e-12

@@ -27,15 +27,15 @@ TETRAHEDRON = ElementType(
 
 @pytest.fixture
 def block() -> TissueModel:
-    ticks = np.linspace(0.0, 0.04, 9)
-    return of_two_tissues(skfem.MeshTet.init_tensor(ticks, ticks, ticks))
+    coordinates = np.linspace(0.0, 0.04, 9)
+    return of_two_tissues(skfem.MeshTet.init_tensor(coordinates, coordinates, coordinates))
 
 
 @pytest.fixture
 def mirrored() -> TissueModel:
     """Return a block that is its own mirror image in the plane y = 2 cm."""
-    ticks = np.linspace(0.0, 0.04, 7)
-    half = skfem.MeshTet.init_tensor(ticks, ticks[:4], ticks)
+    coordinates = np.linspace(0.0, 0.04, 7)
+    half = skfem.MeshTet.init_tensor(coordinates, coordinates[:4], coordinates)
     return of_two_tissues(half + half.mirrored((0.0, 1.0, 0.0), (0.0, 0.02, 0.0)))
 
 
@@ -83,9 +83,9 @@ def push(
         spacing=2e-3,
         inward=inward,
     )
-    march = PathFollowing(instrument, CachedCompliance(model), 0.025)
-    assert len(list(march.iterate())) > 8
-    return march.result(scene, model)
+    path_following = PathFollowing(instrument, CachedCompliance(model), 0.025)
+    assert len(list(path_following.iterate())) > 8
+    return path_following.result(scene, model)
 
 
 @pytest.mark.parametrize("direction", [[0.0, 0.0, 1.0], [0.1, -0.2, 1.0]])
@@ -97,7 +97,7 @@ def test_march_in_a_block_of_tetrahedra(
     last = insertion.states[-1]
     length = np.linalg.norm(np.diff(insertion.tips, axis=0), axis=1).sum()
     assert last.force == pytest.approx(0.2 + 10.0 * length)
-    assert last.lateral_force.shape == (len(insertion.pieces), 2)
+    assert last.lateral_force.shape == (len(insertion.segments), 2)
     energies = energy_terms(insertion)
     assert energies.strain_energy_mismatch < 1e-12
     assert energies.residual < 1e-12
@@ -129,8 +129,8 @@ def test_checks_hold_in_three_dimensions(block: TissueModel) -> None:
 
 def slab(radius: float, thickness: float, divisions: int) -> TissueModel:
     """Return a disc of one layer of cells that moves along its axis alone, held at its rim."""
-    ticks = np.linspace(-1.0, 1.0, 2 * divisions + 1)
-    mesh = skfem.MeshTet.init_tensor(ticks, ticks, np.array([0.0, thickness]))
+    coordinates = np.linspace(-1.0, 1.0, 2 * divisions + 1)
+    mesh = skfem.MeshTet.init_tensor(coordinates, coordinates, np.array([0.0, thickness]))
     x, y, z = mesh.p
     grade = np.maximum(np.abs(x), np.abs(y)) ** 0.5  # finer towards the needle
     round_x, round_y = x * np.sqrt(1.0 - 0.5 * y**2), y * np.sqrt(1.0 - 0.5 * x**2)

@@ -69,12 +69,17 @@ def test_every_state_is_in_equilibrium(organ: Scene) -> None:
         tip = state.tip + state.tip_weights @ field[state.tip_nodes]
         if state.tip_phase is not TipPhase.OUTSIDE:
             assert axis.axial_coordinate(tip) == pytest.approx(state.depth, abs=1e-10)
-        for piece, lateral, moved in zip(
-            state.filled(found.pieces), state.lateral_force, state.segment_displacement, strict=True
+        for segment, lateral, moved in zip(
+            state.filled(found.segments),
+            state.lateral_force,
+            state.segment_displacement,
+            strict=True,
         ):
-            mean = axis.frame @ (piece.weights @ field[piece.nodes])
+            mean = axis.frame @ (segment.weights @ field[segment.nodes])
             assert mean == pytest.approx(moved, abs=1e-10)
-            assert mean[1:] + piece.compliance * lateral == pytest.approx(-piece.offset, abs=1e-9)
+            assert mean[1:] + segment.compliance * lateral == pytest.approx(
+                -segment.offset, abs=1e-9
+            )
 
 
 def test_friction_stays_within_its_limit_and_slips_at_it(organ: Scene) -> None:
@@ -83,8 +88,8 @@ def test_friction_stays_within_its_limit_and_slips_at_it(organ: Scene) -> None:
     for before, state in zip(found.states, found.states[1:], strict=False):
         if state.slipping is None or len(state.friction_force) < 2:
             continue
-        pieces = state.filled(found.pieces)[1:]
-        limit = organ.needle.shaft_friction / stiffness / np.array([p.compliance for p in pieces])
+        segments = state.filled(found.segments)[1:]
+        limit = organ.needle.shaft_friction / stiffness / np.array([p.compliance for p in segments])
         traction = state.friction_force[1:] / limit
         slipping = state.slipping[1:]
         assert np.all(np.abs(traction) <= 1.0 + 1e-9)
@@ -208,16 +213,16 @@ def test_tissue_dragged_out_of_its_skin_springs_off(gel: Scene) -> None:
 
 
 def test_snap_and_puncture_are_events(popping: Scene) -> None:
-    march = moving(popping)
+    path_following = moving(popping)
     steps = moving(popping, **{"discretization.integrator": "quasi_static"})
-    for found in (march, steps):
+    for found in (path_following, steps):
         assert kinds(found)[:2] == ["puncture", "rupture"]
-    ours, theirs = steps.events[1], march.events[1]
+    ours, theirs = steps.events[1], path_following.events[1]
     assert ours.depth == pytest.approx(theirs.depth, abs=1e-7)
     assert ours.point == pytest.approx(theirs.point, abs=1e-7)
     assert ours.energy == pytest.approx(theirs.energy, rel=1e-3)
     assert ours.energy == pytest.approx(energy_terms(steps).rupture)
-    assert theirs.energy == pytest.approx(energy_terms(march).rupture)
+    assert theirs.energy == pytest.approx(energy_terms(path_following).rupture)
 
 
 def test_an_insertion_ends_where_cutting_would_give_energy(gel: Scene) -> None:
@@ -225,7 +230,7 @@ def test_an_insertion_ends_where_cutting_would_give_energy(gel: Scene) -> None:
     soft = {"materials.gel.youngs_modulus": 3e3, "motion.max_depth": 0.045}
     found = simulate(vary(gel, soft))
     assert found.outcome.status is Status.NOT_CONVERGED
-    assert "contact would give energy" in found.outcome.sentence
+    assert "contact would add energy" in found.outcome.sentence
     assert energy_terms(found).largest_energy_gain <= 1e-9
     assert energy_terms(found).residual <= 1e-9
 
@@ -248,13 +253,13 @@ def test_what_rested_sticks_harder_and_weakens(gel: Scene) -> None:
 
 
 FINE = {"discretization.path_spacing": 0.3e-3}
-"""Segments of a tenth of an element: the mesh can't tell apart what sticks on them."""
+"""Segments of a tenth of an element: the mesh does not resolve rigid sticking on them."""
 
 
 def test_what_sticks_on_short_segments_is_held_by_a_penalty(organ: Scene) -> None:
     simulation = Simulation(vary(organ, {**FINE, "motion.stages": IN_AND_OUT}))
     checks = {check.name: check for check in simulation.check()}
-    assert checks["sticking pieces"].passed
+    assert checks["sticking segments"].passed
     found = simulation.sticking(simulation.entry_of_case())
     assert found.rigid_condition > STICK_CONDITION
     gives = organ.needle.shaft_friction / found.stiffness
@@ -305,7 +310,7 @@ def test_a_penalty_that_is_too_stiff_is_refused_with_one_that_is_not(organ: Scen
         ((Stage(depth=0.5),), "beyond motion.max_depth"),
         (
             (Stage(depth=0.02), Stage(depth=0.01, seed_count=5, seed_spacing=0.005)),
-            "no room for 5 seeds",
+            "there is no space for 5 seeds",
         ),
         (({"dwell": 1.0, "speed": 1.0},), r"motion\.stages\[0\]\.speed: the needle rests"),
         (({"dwell": 1.0, "seed_count": 3},), r"motion\.stages\[0\]\.seed_count: the needle rests"),

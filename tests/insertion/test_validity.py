@@ -37,9 +37,13 @@ def run(gel: Scene, request: pytest.FixtureRequest) -> tuple[Insertion, np.ndarr
     simulation = Simulation(vary(gel, coarse | TISSUES[request.param]))
     course = simulation.insertion_run(simulation.entry_of_case())
     found = course.result(tuple(course.iterate()))
-    medium = course.medium
-    assert isinstance(medium, ViscoelasticResponse | DynamicResponse)
-    motion = medium.motion if isinstance(medium, DynamicResponse) else medium._motion
+    tissue_response = course.tissue_response
+    assert isinstance(tissue_response, ViscoelasticResponse | DynamicResponse)
+    motion = (
+        tissue_response.motion
+        if isinstance(tissue_response, DynamicResponse)
+        else tissue_response._motion
+    )
     assert motion is not None
     moved = np.zeros(found.model.ndofs)
     moved[found.model.free_dofs] = motion.u
@@ -54,7 +58,7 @@ def test_the_field_of_the_last_state_is_the_tissues(run: tuple[Insertion, np.nda
     state = found.states[last]
     tip = LinearFunctionals(state.tip_nodes, state.tip_weights[None]).of(found.model.nodal(own))[0]
     assert tip @ found.axis.direction == pytest.approx(state.tip_displacement, rel=1e-8)
-    still = found.model.solve(load(found.model, found.axis.frame, state, found.pieces)[:, None])
+    still = found.model.solve(load(found.model, found.axis.frame, state, found.segments)[:, None])
     assert np.abs(still[:, 0] - moved).max() > 1e-3 * np.abs(moved).max()  # not that at rest
 
 

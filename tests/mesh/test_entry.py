@@ -51,7 +51,7 @@ def test_grazing_and_held_entries_are_refused() -> None:
     flat = np.array([np.cos(0.1), np.sin(0.1)])
     found = entry_along(mesh, np.array([0.5, 0.02]), flat)
     assert found is not None
-    with pytest.raises(CaseError, match="almost along it"):
+    with pytest.raises(CaseError, match="almost parallel to the skin"):
         check_entry(found, flat, np.array([], dtype=np.intp))
     straight = entry_along(mesh, np.array([0.3, 0.5]), np.array([0.0, 1.0]))
     assert straight is not None

@@ -67,7 +67,7 @@ def test_faces_and_regions_are_named() -> None:
 
 
 def test_empty_region_is_refused() -> None:
-    with pytest.raises(CaseError, match="regions.organ: no mesh cell lies in the contour"):
+    with pytest.raises(CaseError, match="regions.organ: no mesh cell is in the contour"):
         generation.name_regions(generation.box((0, 0), (1, 1), (2, 2)), {"organ": disc(0.01)})
 
 

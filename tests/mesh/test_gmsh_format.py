@@ -103,7 +103,7 @@ def test_the_plane_is_told() -> None:
         ("lines", "it holds 40 lines and no cells; mesh the surface"),
         ("sphere", "its cells are not in one plane of x, y and z"),
         ("tilted", "its cells are not in one plane .*60 x 51.96 x 30 units"),
-        ("volume", "it holds cells of a volume alone"),
+        ("volume", "it contains only cells of a volume"),
         (
             "part_1",
             "it has no cells for . of the . surfaces of a partitioned mesh; save the whole mesh",

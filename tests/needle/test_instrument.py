@@ -16,7 +16,7 @@ def oblique(gel: Scene) -> NeedleInterface:
 
 def mean(instrument: NeedleInterface, tip: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Return the mean of the coordinates over the piece: of the points themselves."""
-    weights = instrument.tip_and_piece(tip, last)
+    weights = instrument.tip_and_segment(tip, last)
     nodes = instrument.interpolation._mesh.p.T
     return weights.rows[1] @ nodes[weights.nodes]
 
@@ -46,7 +46,7 @@ def test_the_piece_at_an_oblique_skin_is_the_part_in_the_tissue(oblique: NeedleI
 def test_pieces_of_a_path_are_those_that_the_tip_leaves_behind(oblique: NeedleInterface) -> None:
     entry, ahead = oblique.axis.entry, oblique.spacing * oblique.axis.direction
     vertices = entry + np.arange(4)[:, None] * ahead
-    together, nodes = oblique.pieces(vertices), oblique.interpolation._mesh.p.T
+    together, nodes = oblique.segments(vertices), oblique.interpolation._mesh.p.T
     places = together.rows @ nodes[together.nodes]
     one_by_one = [mean(oblique, *vertices[[n + 1, n]]) for n in range(3)]
     assert places == pytest.approx(np.array(one_by_one), abs=1e-15)

@@ -177,7 +177,7 @@ def test_a_label_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         ("", "--target: missing; give a point ('12, -3.5, 40 mm') or a segment: Prostate, Tumour"),
         ("--target Tumor", "no segment 'Tumor'; did you mean 'Tumour'?"),
         ("--target Tumour", "--direction: missing; give a direction ('0, 0.2, 1')"),
-        ("--target Tumour --direction 0,0,0", "'0,0,0' is no direction"),
+        ("--target Tumour --direction 0,0,0", "'0,0,0' is not a direction"),
         ("--target 1,2,3 --direction 0,0,1", "'1,2,3' has no unit; write 3 numbers"),
         ("--target Tumour --direction 0,0,1 --segments prostate", "did you mean 'Prostate'?"),
         ("--target Tumour --entry 12,-31,70mm", "has no unit"),

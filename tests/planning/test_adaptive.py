@@ -95,7 +95,7 @@ def test_stepped_insertions_are_estimated_by_a_whole_one(coarse: Scene) -> None:
 
 def test_an_insertion_that_breaks_off_after_steps_has_no_estimate(gel: Scene) -> None:
     soft = {"materials.gel.youngs_modulus": 4e3, "motion.max_depth": 0.045}
-    found = plan(vary(gel, soft))  # path following, time stepping, then cutting would give energy
+    found = plan(vary(gel, soft))  # path following, time stepping, then cutting would add energy
     assert len(found.insertion.states[-1].friction_force) < len(found.insertion.states) - 2
     assert found.status is PlanStatus.NOT_CONVERGED
     assert found.evidence.estimate is None
@@ -152,7 +152,7 @@ def test_accuracy_out_of_reach_has_a_status(thick: Scene) -> None:
     wanted = {"planning.accuracy": 1e-9, "planning.max_unknowns": 5000}
     found = plan(vary(thick, wanted))
     assert found.status is PlanStatus.NOT_ACCURATE
-    assert found.sentence.startswith("1e-06 mm were asked for, ")
+    assert found.sentence.startswith("the accuracy 1e-06 mm needs more than ")
     assert "planning.max_unknowns" in found.sentence
     assert found.best is not None
 

@@ -139,7 +139,7 @@ def test_a_held_region_does_not_move_and_an_obstacle_that_may_is_warned_of(gel: 
             "obstacles": {"bone": Obstacle(contour=bone, region="bone", clearance=1e-3)},
         },
     )
-    assert any("'bone' is not held" in text for text in plan(scene).evidence.warnings)
+    assert any("'bone' is not supported" in text for text in plan(scene).evidence.warnings)
     held = vary(scene, {"supports": {**gel.supports, "bone": Support(regions=("bone",))}})
     found = plan(held)
     assert not any("held" in text for text in found.evidence.warnings)

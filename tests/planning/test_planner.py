@@ -61,7 +61,7 @@ def test_other_solutions_are_looked_for_on_request(organ: Scene) -> None:
 def test_target_out_of_the_range_is_said(organ: Scene) -> None:
     found = plan(vary(organ, {"planning.offset_range": (5e-4, 2e-3)}))
     assert found.status is PlanStatus.OUTSIDE_RANGE
-    assert "no height between +0.05 and +0.2 cm of the target's height hits" in found.sentence
+    assert "no lateral offset between +0.05 and +0.2 cm from the target reaches" in found.sentence
 
 
 @pytest.mark.parametrize("search", ["root", "golden", "grid"])

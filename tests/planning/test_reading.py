@@ -1,4 +1,4 @@
-"""Evidence of insertions that broke off is missing, with the reason; it is no number."""
+"""Results that need a complete insertion are None with a reason if the insertion ended early."""
 
 import dataclasses
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from needlefem.planning import (
     Planner,
     PlanStatus,
     Why,
-    at_jump,
+    at_rupture,
     carry_out,
 )
 from needlefem.scene import Scene, TargetDraw, build_mesh, vary
@@ -61,7 +61,7 @@ def test_evidence_of_a_broken_level_insertion_is_missing(organ: Scene, breaking:
     record = plan_record(found)
     for name in ("unplanned", "depth_only"):
         assert record[name] is None
-        assert "broke off at" in record["missing"][name]
+        assert "ended early at" in record["missing"][name]
         assert BROKEN.sentence in record["missing"][name]
     assert record["estimate"] is not None
 
@@ -104,7 +104,7 @@ def test_an_estimate_whose_own_insertion_breaks_off(organ: Scene, breaking: Brea
     found = plan(vary(organ, steps))
     assert found.status is PlanStatus.PLANNED
     assert found.evidence.estimate is None
-    assert "on the tissue to compare with, its insertion broke off" in found.sentence
+    assert "in the tissue for comparison, the insertion ended early" in found.sentence
     assert "placement error not estimated" in found.sentence
 
 
@@ -154,7 +154,7 @@ def test_targets_lie_in_all_parts_of_a_group() -> None:
 
 
 def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
-    """Material that the tip jumps over can't be hit, and the jump is named by every search."""
+    """Material passed in a rupture cannot be a target; each search names the rupture."""
     planner = Planner(Simulation(popping), np.array(popping.target))
     snap = planner.insertion(np.zeros(1)).ruptures[0]
     tips = planner.insertion(np.zeros(1)).tips
@@ -163,12 +163,12 @@ def test_a_release_at_a_jump_is_no_plan(popping: Scene) -> None:
     for search in ("root", "golden", "grid"):
         found = plan(inside, search=search)
         assert found.status is PlanStatus.UNREACHABLE
-        assert "the tip jumps over that material" in found.sentence
+        assert "the tip passes it in a rupture" in found.sentence
         depth = float(found.insertion.axis.axial_coordinate(found.best.release_point))
-        if at_jump(found.insertion, depth):
+        if at_rupture(found.insertion, depth):
             assert found.evidence.validity is None
             assert found.evidence.estimate is None
-            assert "jumps" in found.evidence.missing["validity"]
+            assert "rupture" in found.evidence.missing["validity"]
     nearest = InsertionReader(planner.insertion(np.zeros(1)), between).nearest()
     assert nearest.why is Why.JUMPED
 

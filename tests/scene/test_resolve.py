@@ -115,7 +115,7 @@ def test_the_paper_still_has_its_warning(paper_scene: Scene) -> None:
         (
             {"needle.static_friction_ratio": 1.5},
             "quasi_static",
-            "friction depends on what slips; 0.005",
+            "friction depends on slip; 0.005",
         ),
         (
             {"materials.gel.density": 0.0, "motion.speed": 1.0},

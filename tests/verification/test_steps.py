@@ -13,4 +13,4 @@ def test_a_needle_to_and_fro_is_watched(gel: Scene, monkeypatch: pytest.MonkeyPa
     assert [row[1] for row in table.rows] == sorted(row[1] for row in table.rows)
     assert min(row[2] for row in table.rows) > 0.0
     assert table.rows[-1][5] > 0
-    assert "ledger" in table.note
+    assert "energy residual" in table.note

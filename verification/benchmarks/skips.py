@@ -120,7 +120,7 @@ class Ways:
     def pieces(self, simulation: Simulation | None = None) -> Any:
         """Return where the pieces of the path are beside the axis."""
         count = int(SHARE * self.depth / self.scene.discretization.path_spacing)
-        return [piece.offset for piece in self.insert(simulation).pieces[:count]]
+        return [piece.offset for piece in self.insert(simulation).segments[:count]]
 
     def with_key(self, key: str, value: object) -> Simulation:
         """Return a simulation of the scene with a key replaced."""
@@ -200,7 +200,7 @@ def touched(insertion: Insertion, *, fully: bool = False) -> Any:
         return last.segment_displacement
     fields = displacements(insertion, range(len(insertion.states)))
     field = insertion.model.nodal(fields[:, -1])
-    pieces = last.filled(insertion.pieces)
+    pieces = last.filled(insertion.segments)
     means = np.array([piece.weights @ field[piece.nodes] for piece in pieces])
     return means @ insertion.axis.frame.T
 

@@ -1,4 +1,4 @@
-"""What a state of a needle in motion costs: marched in, stepped in, turned back and in again."""
+"""Cost of a state of a needle in motion: path following, time stepping, and reversals."""
 
 import functools
 from collections.abc import Callable
@@ -16,22 +16,22 @@ ROUNDS = 5
 TURNS = 4
 """Number of reversals of the needle."""
 SHARE = (0.7, 0.5)
-"""Of the largest depth: how far in, and how far back."""
-TURNED = "marched in, then turned back and in again"
+"""Largest depth of the motion and depth of the reversals, over that of the scene."""
+TURNED = "path following, then retraction and a second push"
 MOST = 12.0
-"""Back-substitutions of its own model that a state which sticks and slips may take."""
+"""Largest number of back-substitutions of a state with sticking and slipping segments."""
 
 
 def run(case: str) -> Table:
-    """Time a march, the same insertion stepped, and turns at depth, responses known."""
+    """Time path following, time stepping of the same insertion, and reversals at depth."""
     scene = load_case(case)
     spacing = max(scene.discretization.path_spacing, tip_element_size(scene) or 0.0)
     deep, back = (share * scene.motion.max_depth for share in SHARE)
     plain = vary(scene, {"discretization.path_spacing": spacing, "motion.max_depth": deep})
     turns = (Stage(depth=deep), *(Stage(depth=back), Stage(depth=deep)) * TURNS)
     motions = {
-        "marched in": plain,
-        "stepped in": vary(plain, {"discretization.integrator": "quasi_static"}),
+        "path following": plain,
+        "time stepping": vary(plain, {"discretization.integrator": "quasi_static"}),
         TURNED: vary(plain, {"motion.stages": turns}),
     }
     ready = {name: Simulation(motion) for name, motion in motions.items()}
@@ -57,9 +57,9 @@ def run(case: str) -> Table:
             ])
         },
         passed=model.ndofs > PAPER or dearest <= MOST,
-        note=f"pieces of {1e3 * spacing:.2g} mm, responses known; sticking and slipping: states in "
-        f"which pieces do both, of which one may take {MOST:g} back-substitutions at the size of "
-        f"the paper; a back-substitution takes {1e3 * unit:.3g} ms",
+        note=f"segments of {1e3 * spacing:.2g} mm, responses known; sticking and slipping: states "
+        f"in which segments do both; limit for one: {MOST:g} back-substitutions at the size of the "
+        f"paper; a back-substitution takes {1e3 * unit:.3g} ms",
     )  # fmt: skip
 
 

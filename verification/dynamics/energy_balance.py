@@ -44,12 +44,12 @@ def forced(
         step = 0.9 * critical_step(system)
     stepper = integrator.stepper(system, step)
     force = np.sin(np.arange(system.size))
-    ledger, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
+    balance, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
     for number in range(500):
         before, after = (np.sin(0.7 * first * step * n) * force for n in (number, number + 1))
         old, motion = motion, stepper.step_under_load(motion, before, after)
-        ledger.add(old, motion, before, after)
-    return ledger
+        balance.add(old, motion, before, after)
+    return balance
 
 
 def with_friction(steps: int, *, mean: bool) -> float:
@@ -86,20 +86,20 @@ def run(quick: bool) -> ProblemResult:
                 continue
             mass = f"{lumping or 'consistent'} mass"
             for share in (0.05, 1.0):
-                ledger = forced(name, lumping, Newmark(), share)
+                balance = forced(name, lumping, Newmark(), share)
                 label = f"{name}, {mass}, Newmark, step {share:g} T: not accounted for"
-                missing = abs(ledger.algorithmic) / ledger.turnover + ledger.residual
+                missing = abs(balance.algorithmic) / balance.total_absolute_work + balance.residual
                 answers.append(
                     Quantity(label=label, value=missing, tolerance=1e-12, recorded=False)
                 )
     for name, integrator in INTEGRATORS.items():
-        ledger = forced("Q1", "row-sum", integrator, 0.05)
+        balance = forced("Q1", "row-sum", integrator, 0.05)
         label = f"{name}, lumped mass, damped: residual"
         answers.append(
-            Quantity(label=label, value=ledger.residual, tolerance=1e-12, recorded=False)
+            Quantity(label=label, value=balance.residual, tolerance=1e-12, recorded=False)
         )
         answers.append(Quantity(label=f"{name}: share taken by the integrator", tolerance=2e-2,
-                              value=abs(ledger.algorithmic / ledger.damping)))  # fmt: skip
+                              value=abs(balance.algorithmic / balance.damping)))  # fmt: skip
     missing = with_friction(4000, mean=True)
     answers.append(Quantity(label="friction, mean force: missing", value=missing, tolerance=1e-10,
                           recorded=False))  # fmt: skip

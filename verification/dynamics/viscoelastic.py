@@ -122,12 +122,12 @@ def loss(name: str, per_period: int) -> list[Quantity]:
     periods = 20  # six times the longest relaxation time: the transient motion has decayed
     stepper = QuasiStatic().stepper(system, step)
     motion = stepper.start(np.zeros_like(force), np.zeros_like(force))
-    found, ledger = 0.0 + 0.0j, TissueEnergyBalance(stepper)
+    found, balance = 0.0 + 0.0j, TissueEnergyBalance(stepper)
     for number in range(periods * per_period):
         before, after = (np.sin(omega * step * n) * force for n in (number, number + 1))
         old, motion = motion, stepper.step_under_load(motion, before, after)
         if number >= (periods - 1) * per_period:
-            ledger.add(old, motion, before, after)
+            balance.add(old, motion, before, after)
             turn = np.exp(-1j * omega * step * (number + 1))
             found += 2j / per_period * turn * float(force @ motion.u)
     direct = directly(model, system, force, omega)
@@ -143,7 +143,7 @@ def loss(name: str, per_period: int) -> list[Quantity]:
         ),
         Quantity(
             label=f"{name}: energy lost in a period",
-            value=ledger.relaxation,
+            value=balance.relaxation,
             reference=-np.pi * direct.imag,
             tolerance=1e-3,
         ),
@@ -197,19 +197,19 @@ def energies() -> list[Quantity]:
         ("central difference", CentralDifference(), explicit),
     ):  # fmt: skip
         stepper: Stepper = integrator.stepper(system, step)
-        ledger, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
+        balance, motion = TissueEnergyBalance(stepper), stepper.start(0.0 * force, 0.0 * force)
         for number in range(400):
             before, after = (min(step * n, 1.0) * force for n in (number, number + 1))
             old, motion = motion, stepper.step_under_load(motion, before, after)
-            ledger.add(old, motion, before, after)
+            balance.add(old, motion, before, after)
         answers += [
-            Quantity(label=f"{name}: ledger, residual", value=ledger.residual, tolerance=1e-10,
+            Quantity(label=f"{name}: ledger, residual", value=balance.residual, tolerance=1e-10,
                    recorded=False),
             Quantity(label=f"{name}: energy lost by relaxation over work",
-                   value=ledger.relaxation / ledger.work, reference=0.0, at_least=True),
+                   value=balance.relaxation / balance.work, reference=0.0, at_least=True),
         ]  # fmt: skip
         if name in ("Newmark", "quasi-static"):
-            share = abs(ledger.algorithmic / ledger.work)
+            share = abs(balance.algorithmic / balance.work)
             answers.append(
                 Quantity(
                     label=f"{name}: algorithmic share", value=share, tolerance=1e-10, recorded=False

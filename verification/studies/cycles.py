@@ -54,11 +54,11 @@ def cycled(scene: Scene, cycles: int) -> Table:
             tip = state.tip
         rested = resting
         if state.tip_phase is TipPhase.OUTSIDE and course.stepping is not None:
-            account = course.stepping.energy_balance
+            energy_balance = course.stepping.energy_balance
             left = max(
                 left,
-                abs(account.strain) / account.total_absolute_work
-                if account.total_absolute_work
+                abs(energy_balance.strain) / energy_balance.total_absolute_work
+                if energy_balance.total_absolute_work
                 else 0.0,
             )
     if number < cycles:
@@ -67,8 +67,8 @@ def cycled(scene: Scene, cycles: int) -> Table:
     advances = [row[3] for row in rows]
     falls = all(b <= a for a, b in itertools.pairwise(advances))
     return Table(
-        title=f"{cycles} cycles of going in, resting, and coming out",
-        columns=("cycle", "force (N/m)", "material (cm)", "cut on (um)", "memory (MiB)"),
+        title=f"{cycles} cycles of insertion, dwell and retraction",
+        columns=("cycle", "force (N/m)", "material (cm)", "new cut (um)", "memory (MiB)"),
         rows=rows,
         passed=falls and growth <= GROWTH and left <= LEFT,
         note=f"at most {left:.1e} of the work is left in the tissue when the needle is out; memory "

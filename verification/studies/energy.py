@@ -26,14 +26,14 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
         rows.append([1e3 * spacing, consistent.work, *residuals, holds])
     return [
         Table(
-            title="energy ledger of the case's insertion, relative to the needle's work",
+            title="energy balance of the case's insertion, relative to the work on the needle",
             columns=(
                 "path spacing (mm)",
                 "work (J/m)",
-                "strain identity",
-                "ledger, consistent",
-                "ledger, trapezoidal",
-                "holds",
+                "strain energy mismatch",
+                "residual, consistent",
+                "residual, trapezoidal",
+                "passed",
             ),
             rows=rows,
             passed=all(bool(row[5]) for row in rows),

@@ -18,7 +18,14 @@ from needlefem.studies import Table
 
 LARGEST_QUIET_ERROR = 5e-4
 """Largest error on the fine discretisation without a warning, m."""
-COLUMNS = ("scene", "status", "ledger", "error on the fine mesh (cm)", "warnings", "told")
+COLUMNS = (
+    "scene",
+    "status",
+    "energy residual",
+    "error on the fine mesh (cm)",
+    "warnings",
+    "warned",
+)
 
 
 def study(scene: Scene, other: Scene | None = None) -> list[Table]:
@@ -63,7 +70,7 @@ def extremes(scene: Scene) -> dict[str, dict[str, Any]]:
             "discretization.path_spacing": factor * radius
         }
     for hold in (1e6, 1e8, 1e12):
-        found[f"lateral hold {hold:g} N/m^3"] = {"needle.lateral_penalty": hold}
+        found[f"lateral penalty {hold:g} N/m^3"] = {"needle.lateral_penalty": hold}
     for aspect in (10, 100):
         found[f"slivers 1 : {aspect}"] = {
             "mesh.divisions": (round(95 / aspect**0.5), aspect * round(95 / aspect**0.5)),
@@ -100,11 +107,11 @@ def _planned(scene: Scene, name: str, changes: dict[str, Any]) -> list[Any]:
     except NeedlefemError as refusal:
         return [name, f"refused: {refusal}"[:60], "", "", 0, True]
     warnings = len(resolve(varied).warnings)  # of the discretisation, known beforehand
-    ledger = None if found.evidence is None else found.evidence.energy
+    balance = None if found.evidence is None else found.evidence.energy
     reach = carry_out(fine(varied), found)
     error = np.inf if reach is None else float(np.linalg.norm(reach.point - found.target))
     told = error <= LARGEST_QUIET_ERROR or warnings > 0 or found.status != "planned"
-    residual = "" if ledger is None else f"{ledger.residual:.0e}"
+    residual = "" if balance is None else f"{balance.residual:.0e}"
     return [name, str(found.status), residual, 100.0 * error, warnings, told]
 
 
@@ -124,6 +131,6 @@ def time_steps(scene: Scene) -> Table:
         rows.append([step, str(found.outcome.status), 100.0 * apart])
     return Table(
         title="insertion with inertia over the time step",
-        columns=("step (s)", "status", "distance to the march (cm)"),
+        columns=("step (s)", "status", "distance to path following (cm)"),
         rows=rows,
     )

@@ -46,21 +46,21 @@ def stepped(scene: Scene, integrator: str, steps: int) -> Table:
         raise SimulationError(f"only {len(seen)} of {cycles} cycles: {course.outcome.sentence}")
     tenth = cycles // 10
     rows = [seen[number] for number in sorted({0, 1, 2, tenth, cycles // 2, cycles - 1})]
-    ledger = course.stepping.energy_balance.energy_terms()
+    balance = course.stepping.energy_balance.energy_terms()
     growth = rows[-1][-1] / seen[tenth][-1] - 1.0
     drifts = [abs(rows[-1][column] / rows[-2][column] - 1.0) for column in (2, 4)]
     return Table(
-        title=f"{cycles} times to and fro with rests and inertia ({integrator})",
+        title=f"{cycles} cycles with dwells and inertia ({integrator})",
         columns=(
-            "cycle", "steps", "force (N/m)", "cut on (um)", "kinetic energy", "caught",
+            "cycle", "steps", "force (N/m)", "new cut (um)", "kinetic energy", "began to stick",
             "memory (MiB)",
         ),
         rows=rows,
-        passed=max(drifts) <= DRIFT and growth <= GROWTH and ledger.residual <= LEAK
-        and ledger.largest_energy_gain <= GIVEN,
-        note=f"at the end of a rest; kinetic energy over the work of a cycle; caught: pieces that "
-        f"slid and stick, so far; ledger {ledger.residual:.1e}, given "
-        f"{ledger.largest_energy_gain:.1e}; memory grows by "
+        passed=max(drifts) <= DRIFT and growth <= GROWTH and balance.residual <= LEAK
+        and balance.largest_energy_gain <= GIVEN,
+        note=f"at the end of a dwell; kinetic energy over the work of a cycle; began to stick: "
+        f"segments that slipped before, in total; energy residual {balance.residual:.1e}, energy "
+        f"gain {balance.largest_energy_gain:.1e}; memory grows by "
         f"{100 * growth:.2g} % after a tenth of the steps",
     )  # fmt: skip
 
@@ -74,8 +74,8 @@ def _rests(course: InsertionRun, deep: float) -> Iterator[list[float]]:
             stuck += _stick(old.slipping, state.slipping)
             if old.depth == deep and state.depth != deep and course.stepping is not None:
                 number += 1
-                account = course.stepping.energy_balance
-                kinetic = account.kinetic / (account.total_absolute_work / number)
+                energy_balance = course.stepping.energy_balance
+                kinetic = energy_balance.kinetic / (energy_balance.total_absolute_work / number)
                 cut = advance(old.tip, tip)[1]
                 yield [number, count + 1, old.force, cut, kinetic, stuck, most_memory()]
                 tip = old.tip

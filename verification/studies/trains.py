@@ -35,13 +35,13 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     first = found.seeds[0]
     return [
         Table(
-            title=f"{SEEDS} seeds laid {100 * pitch:.2g} cm apart on the way back",
-            columns=("seed", "released at (cm)", "shortcut (cm)", "simulated (cm)",
+            title=f"{SEEDS} seeds released {100 * pitch:.2g} cm apart during the retraction",
+            columns=("seed", "released at (cm)", "prediction (cm)", "simulated (cm)",
                      "apart (cm)", "left over (cm)"),
             rows=rows,
             passed=off <= REST * deep and _apart(first.elastic_prediction, first) <= REST * deep,
-            note="depths; shortcut: material at the tip at that depth on the way in; left over: "
-            "distance of the simulated seed from the material of its release, needle out",
+            note="depths; prediction: material at the tip at that depth in the push; left over: "
+            "distance of the simulated seed from the material of its release, needle outside",
         )
     ]  # fmt: skip
 

@@ -18,4 +18,4 @@ def test_names_that_are_no_axes_are_refused(folder, run):
     (folder / "swap.csv").write_text(text)
     status, _, err = run("run", "case.toml")
     assert status == 2
-    assert "'x', which is no axis" in err
+    assert "'x', which is not an axis" in err

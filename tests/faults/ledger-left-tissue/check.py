@@ -1,4 +1,4 @@
-"""The ledger closes where the tip leaves viscoelastic tissue in mid-step."""
+"""The energy balance closes if the tip leaves viscoelastic tissue within a step."""
 
 import json
 from collections.abc import Callable

@@ -47,14 +47,14 @@ def _refused_before_the_work(run):
     Path("d.png").mkdir()
     refused(run(*render, "d.png"), "d.png", "it is a folder")
     os.mkfifo("f.png")
-    refused(run(*render, "f.png"), "f.png", "it is no regular file")
+    refused(run(*render, "f.png"), "f.png", "it is not a regular file")
     long = "x" * 300
     refused(run(*COMMANDS["run"], long), long[:50], "the name is too long")
     Path("loop").symlink_to("loop")
     refused(run(*COMMANDS["run"], "loop/o"), "loop/o", "symbolic links")
     status, _, err = run(*COMMANDS["run"], "")
     assert status == 2
-    assert "--out: '' is no name" in err
+    assert "--out: '' is not a valid name" in err
     refused(run("new", "ok.csv/o", "--contour", "ok.csv"), "ok.csv/o/ok.csv", "not a folder")
 
 

@@ -11,7 +11,7 @@ def test_the_first_line_says_what_the_plan_is_worth(folder, run):
     assert "e-0" not in first
     release = next(line for line in others if line.startswith("  release at"))
     assert "error" not in release
-    assert any("cm left on this model" in line for line in others)
+    assert any("cm residual on this model" in line for line in others)
     assert any("discretisation: P1, 1200 unknowns, 1250 cells of 2.6 mm" in line for line in others)
 
 

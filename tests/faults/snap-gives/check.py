@@ -16,4 +16,4 @@ def test_no_step_gives_energy(folder: Path, run: Run) -> None:
     assert min(energy["cutting"], energy["friction"]) >= 0.0
     if record["status"] != "completed":
         assert (status, record["status"]) == (3, "not_converged")
-        assert "contact would give energy" in record["sentence"]
+        assert "contact would add energy" in record["sentence"]

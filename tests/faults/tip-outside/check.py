@@ -47,7 +47,7 @@ def test_nothing_is_placed_by_an_insertion_that_broke_off(folder, run):
     for integrator in ("march", "quasi-static"):
         chosen = "--set", f"discretization.integrator={integrator}"
         _, out, _ = run("run", "case.toml", *chosen)
-        assert "nothing is placed, for the insertion broke off at a depth of" in out
+        assert "nothing is placed, because the insertion ended early at a depth of" in out
         assert ": placed" not in out
         _, out, _ = run("run", "case.toml", "--json", *chosen)
         assert [seed["status"] for seed in json.loads(out)["seeds"]] == ["not_placed"]
