@@ -42,8 +42,7 @@ AT_DEPTH = 1e-12
 ENOUGH = 1e-3
 """Lateral tolerance of a trial step to the requested depth, over the remaining depth."""
 CREATED = 5e-10
-"""Energy that friction or the tip may add in a step, over the total absolute work; path following
-ends before a step that adds more."""
+"""Energy that friction or the tip may add in a step, over the total absolute work."""
 FROM_PUNCTURE = 2
 """Number of states up to the puncture."""
 LITTLE = 0.25
@@ -330,8 +329,7 @@ class PathFollowing:
     ) -> State:
         """Append the segment of a step to the path, and store the state.
 
-        The next insertion takes its initial values from `warm_start` instead of the step, if given:
-        from the full step of which `step` is a part.
+        The next insertion takes its initial values from `warm_start` instead of `step`, if given.
         """
         self._check_inside(step.tip, step.depth)
         if abs(step.depth - self.max_depth) <= AT_DEPTH:
@@ -478,10 +476,7 @@ class PathFollowing:
 
 
 def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
-    """Return the value at a point of the polynomial through points, each (position, value).
-
-    NaN if two points have the same position.
-    """
+    """Return the value at a point of the polynomial through points, or NaN if two coincide."""
     parts = []
     for number, (place, value) in enumerate(points):
         others = [other for n, (other, _) in enumerate(points) if n != number]
