@@ -182,7 +182,7 @@ def test_bound_motion_of_average_acceleration_rings() -> None:
 )
 def test_average_acceleration_is_refused(gel: Scene, changes: dict[str, object]) -> None:
     simulation = Simulation(vary(gel, changes))
-    with pytest.raises(CaseError, match="newmark_gamma above 0.5, or generalised-alpha with rho"):
+    with pytest.raises(CaseError, match="newmark_gamma above 0.5, or generalized_alpha with rho"):
         simulation.insert(simulation.entry_of_case())
 
 

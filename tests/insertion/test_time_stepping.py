@@ -295,7 +295,7 @@ def test_turning_back_on_short_segments_converges_with_the_penalty(organ: Scene)
 def test_a_penalty_that_is_too_stiff_is_refused_with_one_that_is_not(organ: Scene) -> None:
     changes = {**FINE, "motion.stages": IN_AND_OUT, "needle.tangential_penalty": 1e18}
     with pytest.raises(
-        CaseError, match=r"needle\.tangential_penalty: 1e\+18 is too stiff"
+        CaseError, match=r"needle\.tangential_penalty: 1e\+18 is so stiff"
     ) as caught:
         Simulation(vary(organ, changes)).check()
     value = float(str(caught.value).rsplit("write ", 1)[1])
