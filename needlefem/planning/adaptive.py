@@ -185,7 +185,7 @@ def longest(scene: Scene) -> float:
 
 def _box(scene: Scene) -> BoxMesh:
     if not isinstance(scene.mesh, BoxMesh):
-        problem = "the element sizes of a mesh from a file cannot be changed"
+        problem = "a mesh from a file has fixed element sizes"
         remedy = "omit planning.accuracy and read the estimate, or use a box"
         raise CaseError("planning.accuracy", problem, remedy)
     return scene.mesh

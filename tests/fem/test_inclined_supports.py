@@ -17,8 +17,8 @@ from needlefem.fem import (
 )
 from needlefem.insertion import Simulation, energy_terms, tissue_response
 from needlefem.materials import Isotropic, Viscoelastic
+from needlefem.planning import estimate
 from needlefem.planning.adaptive import PlanRequest, attempt_plan
-from needlefem.planning.error_estimate import estimate
 from needlefem.scene import Scene, Support, vary, with_element
 from needlefem.scene.build import build_mesh
 from needlefem.stress.symmetry import turned_mesh, turned_scene

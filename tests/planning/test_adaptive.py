@@ -224,7 +224,7 @@ def test_what_the_needle_does_afterwards_does_not_make_the_estimate_dearer(
 ) -> None:
     stages = (Stage(depth=0.03), Stage(dwell=1.0), Stage(depth=0.0))
     alone = plan(coarse)
-    monkeypatch.setattr("needlefem.planning.error_estimate._carried_out", None)
+    monkeypatch.setattr("needlefem.planning.error_estimate._complete_insertion", None)
     moved = plan(vary(coarse, {"motion.stages": stages}))
     assert alone.evidence is not None
     assert moved.evidence is not None

@@ -82,7 +82,7 @@ def test_max_depth_bounds_every_plan_and_is_named(organ: Scene, search: str, dep
 def test_target_before_puncture_is_said(organ: Scene) -> None:
     found = plan(vary(organ, {"motion.max_depth": 1e-4}))
     assert found.best is None
-    assert found.missing["unplanned"].startswith("a release at 2 cm is deeper than")
+    assert found.missing["unplanned"].startswith("a release at 2 cm is beyond")
     assert found.missing["depth_only"].startswith("the skin is cut deeper than")
     assert set(found.evidence.missing) == {"estimate", "energy", "validity"}
 
