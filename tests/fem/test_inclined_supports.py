@@ -19,8 +19,7 @@ from needlefem.insertion import Simulation, energy_terms, tissue_response
 from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.planning import estimate
 from needlefem.planning.adaptive import PlanRequest, attempt_plan
-from needlefem.scene import Scene, Support, vary, with_element
-from needlefem.scene.build import build_mesh
+from needlefem.scene import Scene, Support, build_mesh, vary, with_element
 from needlefem.stress.symmetry import turned_mesh, turned_scene
 
 ANGLE = 0.6

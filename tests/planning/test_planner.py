@@ -83,7 +83,7 @@ def test_target_before_puncture_is_said(organ: Scene) -> None:
     found = plan(vary(organ, {"motion.max_depth": 1e-4}))
     assert found.best is None
     assert found.missing["unplanned"].startswith("a release at 2 cm is beyond")
-    assert found.missing["depth_only"].startswith("the skin is cut deeper than")
+    assert found.missing["depth_only"].startswith("the skin is cut beyond")
     assert set(found.evidence.missing) == {"estimate", "energy", "validity"}
 
 
