@@ -20,7 +20,7 @@ from needlefem.materials import Isotropic, Viscoelastic
 from needlefem.planning import estimate
 from needlefem.planning.adaptive import PlanRequest, attempt_plan
 from needlefem.scene import Scene, Support, build_mesh, vary, with_element
-from needlefem.stress.symmetry import turned_mesh, turned_scene
+from needlefem.stress import turned_mesh, turned_scene
 
 ANGLE = 0.6
 TURN = np.array([[np.cos(ANGLE), -np.sin(ANGLE)], [np.sin(ANGLE), np.cos(ANGLE)]])

@@ -158,7 +158,7 @@ def test_spaces_of_nrrd(tmp_path: Path) -> None:
          "no 'space'.*"),
         (lambda p: meta(p, TransformMatrix=""), "no TransformMatrix: that axes are left"),
         (lambda p: meta(p, Offset="", TransformMatrix=""), "no TransformMatrix and no Offset"),
-        (lambda p: nifti(p, qform_code=(0,), sform_code=(0,)), "nothing of orientation"),
+        (lambda p: nifti(p, qform_code=(0,), sform_code=(0,)), "does not state the orientation"),
     ],
 )  # fmt: skip
 def test_what_headers_leave_out_is_said(tmp_path: Path, file: object, says: str) -> None:
@@ -231,8 +231,8 @@ def test_a_qform_turns_as_an_sform(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"space_units": '"furlong" "mm" "mm"'}, "space units: 'furlong' is no known unit"),
-        ({"space_directions": "(1,0,0) (0,nan,0) (0,0,3)"}, "space directions: 'nan' is no finite"),
+        ({"space_units": '"furlong" "mm" "mm"'}, "space units: 'furlong' is not a known unit"),
+        ({"space_directions": "(1,0,0) (0,nan,0) (0,0,3)"}, "space directions: 'nan' is not a finite"),
         ({"space_directions": "(1,0,0) (0,0,0) (0,0,3)"}, "voxels of 1 x 0 x 3 mm"),
         ({"space_directions": "(1,0,0) (1,2,0) (0,0,3)"}, "not at right angles"),
         ({"space_directions": "(1e300,0,0) (0,2,0) (0,0,3)"}, "voxels of inf x"),
@@ -240,10 +240,10 @@ def test_a_qform_turns_as_an_sform(tmp_path: Path) -> None:
         ({"space_directions": "", "space_origin": ""}, "neither 'space directions' nor 'spacings'"),
         ({"space_directions": "", "spacings": "1 -2 3"}, "are not positive"),
         ({"spacings": "1 2 4"}, "spacings says 4, space directions 3"),
-        ({"space_origin": "(1,inf,2)"}, "space origin: 'inf' is no finite"),
+        ({"space_origin": "(1,inf,2)"}, "space origin: 'inf' is not a finite"),
         ({"space_origin": "(1_0,0,0)"}, "'1_0' is not a finite number"),
         ({"space_origin": "(1e9,0,0)"}, "first voxel is at"),
-        ({"space": "right-up"}, "is no space of three axes"),
+        ({"space": "right-up"}, "is not a known space with three axes"),
         ({"spave_origin": "(0,0,0)"}, "'spave origin' is not a field of a header; did you mean"),
         ({"sizes": "4 3 1000000"}, "bytes of voxels, by its header"),
         ({"sizes": "4 3 1000000000000"}, "are the most that is read"),
@@ -272,7 +272,7 @@ def test_refused_nrrd(tmp_path: Path, changes: dict[str, str], says: str) -> Non
         ({"srow": (1.2, 0, 0, 10, 0, 2, 0, 20, 0, 0, 3, 30)}, "sform has voxels of 1.2 x 2 x 3, p"),
         ({"srow": (1, 0, 0, np.nan, 0, 2, 0, 20, 0, 0, 3, 30)}, "srow: .* is not finite"),
         ({"pixdim": (1, 1, np.inf, 3, 1, 1, 1, 1)}, "pixdim: .* is not finite"),
-        ({"pixdim": (1, 1, -2, 3, 1, 1, 1, 1)}, "pixdim: .* are not valid sizes"),
+        ({"pixdim": (1, 1, -2, 3, 1, 1, 1, 1)}, "pixdim: .* are not valid voxel sizes"),
         ({"quatern": (1, 1, 0)}, "quatern_b, c, d: 1, 1, 0 are not a rotation"),
         ({"dim": (3, 4, 3, 0, 1, 1, 1, 1)}, "dim: .* are not valid sizes"),
         ({"dim": (4, 4, 3, 1, 2, 1, 1, 1)}, "several volumes"),
@@ -280,7 +280,7 @@ def test_refused_nrrd(tmp_path: Path, changes: dict[str, str], says: str) -> Non
         ({"dim": (3, 4, 3, 30, 1, 1, 1, 1)}, "has 24 bytes of voxels, by its header there are 360"),
         ({"datatype": (128,), "bitpix": (24,)}, "datatype: 128 holds colours"),
         ({"bitpix": (16,)}, "bitpix says 16, datatype 2 has 8"),
-        ({"xyzt_units": (5,)}, "xyzt_units: 5 is no unit"),
+        ({"xyzt_units": (5,)}, "xyzt_units: 5 is not a unit"),
         ({"vox_offset": (np.nan,)}, "vox_offset: .* is not finite"),
         ({"vox_offset": (300,)}, "vox_offset: 300 lies in the header"),
         ({"scl_slope": (np.inf,)}, "scl_slope, scl_inter: inf"),
@@ -303,7 +303,7 @@ def test_refused_nifti(tmp_path: Path, changes: dict[str, tuple[float, ...]], sa
         ({"ElementSpacing": "1 2"}, "ElementSpacing: '1 2' has not 3 numbers"),
         ({"ElementSpacing": "1 0 3"}, "are not positive"),
         ({"ElementSpacing": ""}, "has no 'ElementSize'"),
-        ({"TransformMatrix": "1 0 0 0 1 0 0 0 nan"}, "TransformMatrix: 'nan' is no finite"),
+        ({"TransformMatrix": "1 0 0 0 1 0 0 0 nan"}, "TransformMatrix: 'nan' is not a finite"),
         ({"TransformMatrix": "1 0 0 0 2 0 0 0 1"}, "no unit vectors"),
         ({"TransformMatrix": "1 0 0 1 0 0 0 0 1"}, "not at right angles"),
         ({"Position": "1 2 3"}, "Offset is given twice"),
@@ -313,7 +313,7 @@ def test_refused_nifti(tmp_path: Path, changes: dict[str, tuple[float, ...]], sa
         ({"ElementType": "MET_UCHAR_ARRAY"}, "holds no labels"),
         ({"ElementDataFile": "LIST"}, "several files"),
         ({"CompressedData": "perhaps"}, "neither True nor False"),
-        ({"DistanceUnits": "parsec"}, "'parsec' is no known unit"),
+        ({"DistanceUnits": "parsec"}, "'parsec' is not a known unit"),
     ],
 )
 def test_refused_metaimage(tmp_path: Path, changes: dict[str, str], says: str) -> None:

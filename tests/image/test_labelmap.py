@@ -55,7 +55,7 @@ def test_ras_turns_the_first_two_axes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        (np.zeros((4, 4, 4), np.uint8), "holds no label but 0"),
+        (np.zeros((4, 4, 4), np.uint8), "contains no label other than 0"),
         (np.arange(512).reshape(8, 8, 8).astype(np.int16), "512 different values; give the segm"),
         (np.full((4, 4, 4), 0.25, np.float32), "holds 0.25, which is not a label"),
         (np.ones((4, 4), np.uint8), "has 2 dimensions"),

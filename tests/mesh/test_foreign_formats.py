@@ -87,7 +87,7 @@ def test_formats_without_groups_have_none(tmp_path: Path, name: str, kind: str) 
     ("name", "text", "says"),
     [
         ("a.bdf", "x", "its reader raised RuntimeError: .*BEGIN BULK"),
-        ("a.vtk", "# vtk DataFile Version 3.0\n", "; give a mesh that is whole"),
+        ("a.vtk", "# vtk DataFile Version 3.0\n", "; give a complete mesh file"),
         ("a.vtu", "<VTKFile", "its reader raised|no reader|;"),
         ("a.xyz", "x", "'.xyz' is not the extension of a mesh file"),
         ("a.med", "x", "files of this kind need the package 'h5py'; pip install h5py"),
