@@ -4,7 +4,8 @@ The public names below are imported when first used, so that ``import needlefem`
 """
 
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Protocol
 
 from needlefem._exports import lazy_exports
 
@@ -44,19 +45,39 @@ _SHOWN_IN_NOTEBOOKS = (
 )
 
 
-def _html_of(result: Any) -> str:
+class _Formatter(Protocol):
+    """A `DisplayFormatter` of IPython for one kind of content."""
+
+    def for_type_by_name(
+        self, module: str, name: str, show: Callable[[object], str | bytes | None], /
+    ) -> object: ...
+
+
+class _Formatters(Protocol):
+    """The formatters of IPython by the kind of their content."""
+
+    formatters: Mapping[str, _Formatter]
+
+
+class _Shell(Protocol):
+    """An `InteractiveShell` of IPython."""
+
+    display_formatter: _Formatters
+
+
+def _html_of(result: object) -> str:
     from needlefem.plotting.notebook import html_of  # noqa: PLC0415  (in notebooks only)
 
     return html_of(result)
 
 
-def _png_of(result: Any) -> bytes | None:
+def _png_of(result: object) -> bytes | None:
     from needlefem.plotting.notebook import png_of  # noqa: PLC0415  (in notebooks only)
 
     return png_of(result)
 
 
-def _register_formatters(shell: Any) -> None:
+def _register_formatters(shell: _Shell) -> None:
     """Register an IPython formatter that shows scenes and results as a table with a picture."""
     formatters = shell.display_formatter.formatters
     for module, name in _SHOWN_IN_NOTEBOOKS:

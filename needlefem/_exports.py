@@ -8,12 +8,11 @@ in imports under ``TYPE_CHECKING``, for type checkers and editors; and in the ta
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
 
 
 def lazy_exports(
     package: str, **names: str
-) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
     """Return the functions ``__getattr__`` and ``__dir__`` of a package.
 
     Parameters
@@ -32,7 +31,7 @@ def lazy_exports(
     """
     homes = {name: module for module, text in names.items() for name in text.split()}
 
-    def get(name: str) -> Any:
+    def get(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module '{package}' has no attribute '{name}'")
         # not kept in the package: a name always is what its module says, also in a test that

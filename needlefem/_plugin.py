@@ -3,7 +3,6 @@
 import importlib
 import sys
 from pathlib import Path
-from typing import Any
 
 from needlefem.errors import CaseError
 
@@ -21,7 +20,7 @@ def is_foreign(name: str) -> bool:
     return ":" in name
 
 
-def load(name: str, key: str) -> Any:
+def load(name: str, key: str) -> object:
     """Import ``module:Name`` from the working directory or an installed package.
 
     Raises

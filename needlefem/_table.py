@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -27,10 +26,10 @@ class Table:
 
     title: str
     columns: tuple[str, ...]
-    rows: Sequence[Sequence[Any]]
+    rows: Sequence[Sequence[object]]
     passed: bool = True
     note: str = ""
-    summary: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    summary: Mapping[str, object] = dataclasses.field(default_factory=dict)
     charts: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def text(self) -> str:
@@ -42,7 +41,7 @@ class Table:
         body = [self.title, *(line.rstrip() for line in lines)]
         return "\n".join([*body, self.note] if self.note else body)
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> dict[str, object]:
         """Return the table as plain data for JSON."""
         rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
         return {
@@ -54,7 +53,7 @@ class Table:
         }
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value)

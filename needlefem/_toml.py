@@ -3,7 +3,6 @@
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 BARE = re.compile(r"[A-Za-z0-9_-]+", re.ASCII)
 ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
@@ -44,7 +43,7 @@ def key_parts(key: str) -> list[str]:
     A key that is not valid TOML, such as one with a space, is split at its dots.
     """
     try:
-        node: Any = tomllib.loads(f"{key} = 0") if "\n" not in key else 0
+        node: object = tomllib.loads(f"{key} = 0") if "\n" not in key else 0
     except tomllib.TOMLDecodeError:
         node = 0
     parts = []

@@ -1,7 +1,8 @@
 """The public functions that take a scene or the path of a case file."""
 
 from pathlib import Path
-from typing import Any
+
+from numpy.typing import ArrayLike
 
 from needlefem._arrays import SkfemMesh
 from needlefem.casefile.load import load_case
@@ -57,7 +58,7 @@ def simulate(case: Scene | str | Path) -> Insertion:
 
 def plan(
     case: Scene | str | Path,
-    target: Any = None,
+    target: ArrayLike | None = None,
     search: str | None = None,
     *,
     all_solutions: bool = False,

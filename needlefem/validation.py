@@ -13,10 +13,16 @@ import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from needlefem.errors import CaseError, matching, nearest, short
 from needlefem.units import LARGEST, dimension_of, parse_quantity
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T")
+D = TypeVar("D", bound="DataclassInstance")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +62,7 @@ def parameter(
     sentence: str,
     dimension: str | None = None,
     *,
-    default: Any = dataclasses.MISSING,
+    default: object = dataclasses.MISSING,
     low: float = -math.inf,
     high: float = math.inf,
     closed: bool = False,
@@ -72,7 +78,7 @@ def parameter(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def parameter_info(field: "dataclasses.Field[Any]") -> ParameterInfo | None:
+def parameter_info(field: "dataclasses.Field[T]") -> ParameterInfo | None:
     """Return the `ParameterInfo` of a field, or None for a plain field."""
     found = field.metadata.get("parameter")
     return found if isinstance(found, ParameterInfo) else None
@@ -84,8 +90,8 @@ SMALLEST_NUMBER = 1e-30
 """Smallest accepted positive number; the square of a smaller one would vanish."""
 LARGEST_COUNT = 2**63 - 1
 """Largest accepted magnitude of an integer."""
-_KNOWN: dict[type, tuple[tuple[str, Any, ParameterInfo | None], ...]] = {}
-_FITTING: set[tuple[Any, type]] = set()
+_KNOWN: dict[type, tuple[tuple[str, object, ParameterInfo | None], ...]] = {}
+_FITTING: set[tuple[type, type]] = set()
 WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false"}
 
 
@@ -107,7 +113,7 @@ class Validated:
         """Raise a `CaseError` if fields contradict each other."""
 
 
-def validate(instance: Any, prefix: str) -> None:
+def validate(instance: object, prefix: str) -> None:
     """Convert and check the declared fields of a dataclass instance in place.
 
     NumPy numbers become Python numbers, arrays and lists become tuples, quantities with a unit
@@ -134,7 +140,7 @@ def validate(instance: Any, prefix: str) -> None:
             object.__setattr__(instance, name, found)
 
 
-def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given: Any) -> Any:
+def filled(cls: type[D], table: object, prefix: str, *, strict: bool = False, **given: object) -> D:
     """Return an instance of a dataclass from a table of its fields.
 
     Parameters
@@ -165,7 +171,7 @@ def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given:
             continue
         key, declared = dotted(prefix, field.name), parameter_info(field)
         if field.name in table:
-            hint = hints.get(field.name, Any)
+            hint = hints.get(field.name, object)
             values[field.name] = converted(hint, table[field.name], declared, key, strict=strict)
         elif _required(field):
             remedy = declared.sentence.lower() if declared else "it is required"
@@ -173,7 +179,7 @@ def filled(cls: type, table: Any, prefix: str, *, strict: bool = False, **given:
     return made(lambda: cls(**values), getattr(cls, "TABLE", ""), prefix)
 
 
-def made(make: Callable[[], Any], own: str, prefix: str) -> Any:
+def made(make: Callable[[], T], own: str, prefix: str) -> T:
     """Return the result of `make`; names of `own` in its errors are replaced by `prefix`."""
     try:
         return make()
@@ -185,7 +191,7 @@ def made(make: Callable[[], Any], own: str, prefix: str) -> Any:
 
 
 def converted(
-    hint: Any, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool = False
+    hint: object, raw: object, declared: ParameterInfo | None, key: str, *, strict: bool = False
 ) -> Any:
     """Return a value with the type of an annotation; see `validate` and `filled`.
 
@@ -196,7 +202,7 @@ def converted(
     """
     if hasattr(raw, "tolist"):  # NumPy arrays and numbers, without importing NumPy
         raw = raw.tolist()
-    if hint in WORDS:
+    if isinstance(hint, type) and hint in WORDS:
         return _plain(hint, raw, declared, key, strict=strict)
     origin = typing.get_origin(hint)
     if origin is types.UnionType or origin is typing.Union:
@@ -208,10 +214,12 @@ def converted(
     return _instance(hint, raw, key, strict=strict)
 
 
-def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
+def _instance(hint: object, raw: object, key: str, *, strict: bool) -> object:
     """Return a path, an instance of a dataclass, or an object that implements a protocol."""
     if hint is Path:
         return path_of(raw, key)
+    if not isinstance(hint, type):
+        return raw
     declared = dataclasses.is_dataclass(hint)
     if not declared and not getattr(hint, "_is_protocol", False):
         return raw
@@ -227,14 +235,14 @@ def _instance(hint: Any, raw: Any, key: str, *, strict: bool) -> Any:
     raise CaseError(key, f"{short(raw)} is of the wrong kind", f"give a {hint.__name__}")
 
 
-def path_of(raw: Any, key: str) -> Path:
+def path_of(raw: object, key: str) -> Path:
     """Return the path of a file from a text; raise a `CaseError` if it is not valid."""
     if not isinstance(raw, str | Path) or not str(raw).strip() or "\0" in str(raw):
         raise CaseError(key, f"{short(raw)} is not the path of a file", "write one")
     return Path(raw)
 
 
-def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], prefix: str) -> None:
+def refuse_unknown(table: Mapping[str, object], known: Sequence[str], prefix: str) -> None:
     """Raise a `CaseError` for the first unknown key, with the most similar known one."""
     for key in table:
         if key not in known:
@@ -246,7 +254,7 @@ def dotted(prefix: str, key: str) -> str:
     return f"{prefix}.{key}" if prefix else key
 
 
-def _declarations(cls: type) -> tuple[tuple[str, Any, ParameterInfo | None], ...]:
+def _declarations(cls: type) -> tuple[tuple[str, object, ParameterInfo | None], ...]:
     """Return names, annotations and `ParameterInfo` of a dataclass's fields; cached per class."""
     found = _KNOWN.get(cls)
     if found is None:
@@ -255,17 +263,19 @@ def _declarations(cls: type) -> tuple[tuple[str, Any, ParameterInfo | None], ...
         except NameError:  # a class of the user whose annotations can't be resolved from here
             hints = {}
         fields = [field for field in dataclasses.fields(cls) if field.init]
-        found = tuple((f.name, hints.get(f.name, Any), parameter_info(f)) for f in fields)
+        found = tuple((f.name, hints.get(f.name, object), parameter_info(f)) for f in fields)
         _KNOWN[cls] = found
     return found
 
 
-def _required(field: "dataclasses.Field[Any]") -> bool:
+def _required(field: "dataclasses.Field[T]") -> bool:
     missing = dataclasses.MISSING
     return field.init and field.default is missing and field.default_factory is missing
 
 
-def _plain(hint: type, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool) -> Any:
+def _plain(
+    hint: type, raw: object, declared: ParameterInfo | None, key: str, *, strict: bool
+) -> object:
     if hint is float or hint is int:
         return _number(hint, raw, declared, key, strict=strict)
     if not isinstance(raw, hint):
@@ -287,7 +297,9 @@ def _choice(raw: str, declared: ParameterInfo, key: str) -> str:
     return found
 
 
-def _number(hint: type, raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool) -> Any:
+def _number(
+    hint: type, raw: object, declared: ParameterInfo | None, key: str, *, strict: bool
+) -> object:
     if type(raw) is float and declared is None and hint is float and math.isfinite(raw):
         return raw
     dimension = dimension_of(declared.dimension) if declared and declared.dimension else None
@@ -318,8 +330,13 @@ def _digits(value: float) -> str:
 
 
 def _one_of(
-    options: Sequence[Any], raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool
-) -> Any:
+    options: Sequence[object],
+    raw: object,
+    declared: ParameterInfo | None,
+    key: str,
+    *,
+    strict: bool,
+) -> object:
     """Convert to the first of several types that accepts the value."""
     if raw is None and type(None) in options:
         return None
@@ -328,17 +345,17 @@ def _one_of(
     return converted((fitting or rest)[0], raw, declared, key, strict=strict)
 
 
-def _fits(option: Any, raw: Any) -> bool:
+def _fits(option: object, raw: object) -> bool:
     if typing.get_origin(option) is tuple:
         return isinstance(raw, list | tuple)
-    if dataclasses.is_dataclass(option):
-        return isinstance(raw, typing.cast(type, option))
+    if isinstance(option, type) and dataclasses.is_dataclass(option):
+        return isinstance(raw, option)
     return not isinstance(raw, list | tuple)
 
 
 def _several(
-    items: Sequence[Any], raw: Any, declared: ParameterInfo | None, key: str, *, strict: bool
-) -> tuple[Any, ...]:
+    items: Sequence[object], raw: object, declared: ParameterInfo | None, key: str, *, strict: bool
+) -> tuple[object, ...]:
     if not isinstance(raw, list | tuple):
         remedy = f'write ["{raw}"]' if items[0] is str and isinstance(raw, str) else "write [a, b]"
         raise CaseError(key, f"{short(raw)} is not a list", remedy)
@@ -353,10 +370,10 @@ def _several(
     return raw if same and isinstance(raw, tuple) else found
 
 
-def _named(item: Any, raw: Any, key: str, *, strict: bool) -> Any:
+def _named(item: object, raw: object, key: str, *, strict: bool) -> object:
     if not isinstance(raw, Mapping) or not all(isinstance(name, str) for name in raw):
         raise CaseError(key, f"{short(raw)} is not a table", f"write [{key}.NAME]")
-    if item is Any:
+    if item is object or item is Any:
         return raw
     return {
         name: converted(item, value, None, dotted(key, name), strict=strict)

@@ -4,7 +4,6 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -101,14 +100,14 @@ def entrants(scene: Scene) -> list[Entrant]:
     return found
 
 
-def sizes(mesh: BoxMesh, scene: Scene | None = None) -> dict[str, dict[str, Any]]:
+def sizes(mesh: BoxMesh, scene: Scene | None = None) -> dict[str, dict[str, object]]:
     """Return changes of a scene's mesh: coarser, unchanged, finer where refined, and elsewhere.
 
     Without refinement all sizes change. If the scene is given, those of its regions change too.
     """
     refine = mesh.refine
     refined = refine.corridor_size > 0.0 or refine.contour_size > 0.0
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, dict[str, object]] = {}
     for label, factor in (("as it is", 1.0), ("x 2", 2.0), ("x 1/2", 0.5)):
         if not refined:
             found[label] = _divided(mesh, factor)
@@ -124,15 +123,15 @@ def sizes(mesh: BoxMesh, scene: Scene | None = None) -> dict[str, dict[str, Any]
     return found
 
 
-def _divided(mesh: BoxMesh, factor: float) -> dict[str, Any]:
+def _divided(mesh: BoxMesh, factor: float) -> dict[str, object]:
     return {"mesh.divisions": tuple(max(1, round(n / factor)) for n in mesh.divisions)}
 
 
-def steps(scene: Scene) -> dict[str, dict[str, Any]]:
+def steps(scene: Scene) -> dict[str, dict[str, object]]:
     """Return changes of a resolved scene's path spacing, kernel and integrator."""
     numbers = scene.discretization
     spacing, points = numbers.path_spacing, numbers.tip_quadrature_points
-    found: dict[str, dict[str, Any]] = {
+    found: dict[str, dict[str, object]] = {
         f"path spacing x {factor:g}": {"discretization.path_spacing": factor * spacing}
         for factor in (2.0, 0.5)
     }
@@ -146,7 +145,7 @@ def steps(scene: Scene) -> dict[str, dict[str, Any]]:
 
 
 def _planned(
-    scene: Scene, changes: Mapping[str, Any], element: str | None = None
+    scene: Scene, changes: Mapping[str, object], element: str | None = None
 ) -> Callable[[], Plan]:
     varied = vary(scene if element is None else with_element(scene, element), changes)
     return lambda: plan(varied)

@@ -4,7 +4,8 @@ import cProfile
 import itertools
 import pstats
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.surface import Entry
 from needlefem.plotting.verification_report import Bar, bars
 
+_Profile = dict[tuple[str, int, str], tuple[int, int, float, float, object]]
+"""Calls, their own and their whole time, and callers, by file, line and function."""
 ROUNDS = 15
 WARM = 201
 BESIDE = 5e-6
@@ -67,14 +70,14 @@ def run(case: str) -> Table:
     warm = median(processor_seconds(lambda: ready.model.factor.solve(rhs), WARM))
     unit, whole, next_to = (median(seconds[name]) for name in tasks)
     shares = _shares(lambda: alone(ready, entry))
-    rows: list[list[Any]] = [
-        ["back-substitution", 1e3 * unit, *_spread(seconds["back-substitution"]), 1, ""],
-        ["back-substitution, cached factor", 1e3 * warm, "", "", "", ""],
-        ["insertion", 1e3 * whole, *_spread(seconds["insertion"]), round(whole / unit), ""],
-        ["one beside the last", 1e3 * next_to, *_spread(seconds["one beside the last"]),
-         round(next_to / unit), ""],
-        *([name, share * whole * 1e3, "", "", round(share * whole / unit), f"{100 * share:.0f} %"]
-          for name, share in shares.items()),
+    rows = [
+        _Row("back-substitution", 1e3 * unit, *_spread(seconds["back-substitution"]), 1),
+        _Row("back-substitution, cached factor", 1e3 * warm),
+        _Row("insertion", 1e3 * whole, *_spread(seconds["insertion"]), round(whole / unit)),
+        _Row("one beside the last", 1e3 * next_to, *_spread(seconds["one beside the last"]),
+             round(next_to / unit)),
+        *(_Row(name, share * whole * 1e3, solves=round(share * whole / unit),
+               share=f"{100 * share:.0f} %") for name, share in shares.items()),
     ]  # fmt: skip
     steps = len(found.states) - 2
     bound = ready.model.ndofs <= PAPER
@@ -97,10 +100,21 @@ def run(case: str) -> Table:
     )
 
 
-def _bar(row: list[Any]) -> Bar:
+class _Row(NamedTuple):
+    """A total with its range, or a share of it; an empty text where there is no number."""
+
+    name: str
+    middle: float
+    least: float | str = ""
+    most: float | str = ""
+    solves: int | str = ""
+    share: str = ""
+
+
+def _bar(row: _Row) -> Bar:
     """Return the bar of a row: a total with its range, or a share."""
-    name, middle, least, most, *_, share = row
-    return Bar(name, middle, least or None, most or None, series=int(bool(share)))
+    least, most = (float(end) if end else None for end in (row.least, row.most))
+    return Bar(row.name, row.middle, least, most, series=int(bool(row.share)))
 
 
 def alone(simulation: Simulation, entry: Entry) -> Insertion:
@@ -119,12 +133,12 @@ def _spread(seconds: list[float]) -> tuple[float, float]:
     return 1e3 * min(seconds), 1e3 * max(seconds)
 
 
-def _shares(task: Any) -> dict[str, float]:
+def _shares(task: Callable[[], object]) -> dict[str, float]:
     """Return the time of each activity, without that of contained activities."""
     profile = cProfile.Profile(time.process_time)
     profile.runcall(task)
     spent = dict.fromkeys(PARTS, 0.0)
-    entries: Any = pstats.Stats(profile).stats  # type: ignore[attr-defined]
+    entries: _Profile = pstats.Stats(profile).stats  # type: ignore[attr-defined]
     for (file, _, function), (_, _, _, cumulative, _) in entries.items():
         for name, (where, what) in PARTS.items():
             if file.endswith(where) and "needlefem" in file and function == what:

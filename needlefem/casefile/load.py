@@ -19,6 +19,7 @@ from needlefem.casefile.reader import (
     required,
     table,
     tables,
+    text_of,
 )
 from needlefem.errors import CaseError, short
 from needlefem.geometry.image_frame import ImageFrame
@@ -39,13 +40,13 @@ from needlefem.scene import (
 )
 from needlefem.scene.version_1 import OldWord, renewed_case, renewed_path, report
 from needlefem.units import UNITS, parse_quantity
-from needlefem.validation import made, refuse_unknown
+from needlefem.validation import filled, refuse_unknown
 
 if typing.TYPE_CHECKING:
     from needlefem.io.saved_result import SavedResult
 
 
-def read_expectations(items: Any, axes: Sequence[str]) -> tuple[Expectation, ...]:
+def read_expectations(items: object, axes: Sequence[str]) -> tuple[Expectation, ...]:
     """Return the expectations of a case: its [[expect]] tables; `axes` may pick coordinates."""
     if not isinstance(items, list):
         raise CaseError("expect", f"{short(items)} is not a list of tables", "write [[expect]]")
@@ -55,7 +56,7 @@ def read_expectations(items: Any, axes: Sequence[str]) -> tuple[Expectation, ...
     return found
 
 
-def read_expectation(item: Any, number: int) -> Expectation:
+def read_expectation(item: object, number: int) -> Expectation:
     """Return the expectation of one [[expect]] table; `number` counts them."""
     prefix = f"expect.{number}"
     if not isinstance(item, dict):
@@ -76,11 +77,10 @@ def read_expectation(item: Any, number: int) -> Expectation:
         "kind": item.get("kind", ""),
         "source": item.get("source", ""),
     }
-    found: Expectation = made(lambda: Expectation(**fields), Expectation.TABLE, prefix)
-    return found
+    return filled(Expectation, fields, prefix)
 
 
-def _any_quantity(raw: Any, key: str) -> tuple[float | tuple[float, ...], str]:
+def _any_quantity(raw: object, key: str) -> tuple[float | tuple[float, ...], str]:
     """Return a value in SI and its unit ('' for a plain number); a list gives a tuple."""
     if isinstance(raw, list):
         if not raw or any(isinstance(item, list) for item in raw):
@@ -139,7 +139,7 @@ def load_case(path: str | Path, overrides: Sequence[str] = ()) -> Scene:
     return dataclasses.replace(scene, source=path, overrides=recorded)
 
 
-def parsed(text: str, key: str) -> dict[str, Any]:
+def parsed(text: str, key: str) -> dict[str, object]:
     """Return the tables of a TOML document."""
     try:
         return tomllib.loads(text)
@@ -149,9 +149,9 @@ def parsed(text: str, key: str) -> dict[str, Any]:
         raise CaseError(key, f"not valid TOML: {error}", "correct the file") from None
 
 
-def spelled(data: dict[str, Any]) -> dict[str, Any]:
+def spelled(data: Table) -> dict[str, object]:
     """Return the tables with every section under the name that is read."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for key, value in data.items():
         name = canonical(key)
         if name in found:
@@ -167,7 +167,7 @@ def _split(override: str) -> tuple[str, str]:
     return found
 
 
-def _override(data: dict[str, Any], key: str, text: str, old: list[OldWord]) -> Any:
+def _override(data: dict[str, object], key: str, text: str, old: list[OldWord]) -> object:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except RecursionError:
@@ -179,9 +179,10 @@ def _override(data: dict[str, Any], key: str, text: str, old: list[OldWord]) -> 
     *folders, name = path
     table = data
     for folder in folders:
-        table = table.setdefault(folder, {})
-        if not isinstance(table, dict):
+        inner = table.setdefault(folder, {})
+        if not isinstance(inner, dict):
             raise CaseError(f"--set {key}", f"'{folder}' is not a table", "check the key")
+        table = inner
     table[name] = renewed_case(value, old, tuple(path))
     return value
 
@@ -210,15 +211,15 @@ def _scene(data: Table, folder: Path) -> Scene:
     regions = {n: reader.region(t, n) for n, t in tables(data, "regions").items()}
     obstacles = tables(data, "obstacles")
     scene = Scene(
-        title=data.get("title", "untitled"),
+        title=text_of(data, "title", "") if "title" in data else "untitled",
         axes=axes,
         mesh=mesh,
         materials={n: reader.material(t, n) for n, t in tables(data, "materials").items()},
-        default_material=required(tissue, "default_material", "tissue"),
+        default_material=text_of(tissue, "default_material", "tissue"),
         regions=regions,
         supports={n: reader.support(t, n) for n, t in tables(data, "supports").items()},
         obstacles={n: reader.obstacle(t, n, regions) for n, t in obstacles.items()},
-        plane=tissue.get("plane", "strain"),
+        plane=text_of(tissue, "plane", "tissue") if "plane" in tissue else "strain",
         damping=reader.fill(Rayleigh, data.get("damping", {}), "damping"),
         discretization=reader.fill(
             Discretization, data.get("discretization", {}), "discretization"
@@ -306,7 +307,7 @@ def _source(saved: "SavedResult") -> Path:
     return beside if not source.exists() and beside.is_file() else source
 
 
-def _toml(value: Any, key: str, file: Path) -> str:
+def _toml(value: object, key: str, file: Path) -> str:
     """Return a value of JSON as TOML."""
     if isinstance(value, list):
         return f"[{', '.join(_toml(item, key, file) for item in value)}]"

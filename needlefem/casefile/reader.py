@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -21,7 +21,11 @@ from needlefem.scene import BoxMesh, FileMesh, Motion, Needle, Obstacle, Region,
 from needlefem.units import UNITS, dimension_of, parse_quantity
 from needlefem.validation import dotted, filled, made, parameter_info, path_of
 
-Table = Mapping[str, Any]
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Table = Mapping[str, object]
+D = TypeVar("D", bound="DataclassInstance")
 
 
 def table(data: Table, key: str) -> Table:
@@ -40,7 +44,7 @@ def tables(data: Table, key: str) -> dict[str, Table]:
     return group
 
 
-def required(table: Table, key: str, prefix: str) -> Any:
+def required(table: Table, key: str, prefix: str) -> object:
     """Return the value of a key, or raise a `CaseError` if it is missing."""
     if key not in table:
         where = f"[{prefix}]" if prefix else "the case"
@@ -86,7 +90,7 @@ def _is_name(data: Table, path: tuple[str, ...]) -> bool:
     )  # fmt: skip
 
 
-def _open_keys(node: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+def _open_keys(node: object, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     if node == OPEN:
         yield path
     elif isinstance(node, dict):
@@ -131,7 +135,7 @@ class CaseReader:
         self.dim, self.folder, self.axes = dim, folder, axes
         self.file_mesh: SkfemMesh | None = None
 
-    def fill(self, cls: type, table: Any, prefix: str, **given: Any) -> Any:
+    def fill(self, cls: type[D], table: object, prefix: str, **given: object) -> D:
         """Return an instance of `cls`; `given` fields are not looked for in the table."""
         return filled(cls, table, prefix, strict=True, **given)
 

@@ -95,7 +95,7 @@ def _entry(text: str, table: tuple[str, ...]) -> str:
         after = re.sub(r"=(\s*)1\b", rf"=\g<1>{SCHEMA_VERSIONS[-1]}", after, count=1)
     value = tomllib.loads(f"value {after.lstrip()}")["value"]
     new = renewed_value(value, [], tuple("0" if part == ANY else part for part in path))
-    if new != value:
+    if isinstance(new, str) and new != value:
         text_value = r"=(\s*)(\"[^\"\n]*\"|'[^'\n]*')"
         after = re.sub(text_value, lambda m: f"={m[1]}{quoted(new)}", after, count=1)
     elif isinstance(value, dict | list):

@@ -4,11 +4,12 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 from needlefem.elements import CATALOGUE, ElementType
 from needlefem.scene.resolve import cheapest
 
+T = TypeVar("T")
 ELEMENTS, INTEGRATORS = "elements", "integrators"
 """Subjects of the comparisons."""
 
@@ -41,7 +42,7 @@ class WorkPrecision:
     title: str
     quantity: str
     about: str
-    entrants: Mapping[str, Callable[[int], Any]]
+    entrants: Mapping[str, Callable[[int], object]]
     levels: Sequence[int]
     measure: Callable[[Any], tuple[int, float]]
     target: float = 1e-3
@@ -72,8 +73,8 @@ def elements_race(
     title: str,
     quantity: str,
     ratio: float,
-    solve: Callable[[ElementType, int], Any],
-    measure: Callable[[Any], tuple[int, float]],
+    solve: Callable[[ElementType, int], T],
+    measure: Callable[[T], tuple[int, float]],
     levels: Sequence[int],
     target: float = 1e-3,
 ) -> WorkPrecision:

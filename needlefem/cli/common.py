@@ -1,9 +1,9 @@
 """Functions that several commands use."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from needlefem._progress import doing
 from needlefem.cli import streams
@@ -11,7 +11,7 @@ from needlefem.errors import CaseError, NoRendererError
 from needlefem.insertion.result import Status
 from needlefem.insertion.simulation import Watch
 from needlefem.insertion.state import State
-from needlefem.io.result_folder import result_folder, to_json
+from needlefem.io.result_folder import ResultFolder, result_folder, to_json
 
 if TYPE_CHECKING:
     from needlefem.planning.result import Plan
@@ -23,18 +23,20 @@ GOOD = (Status.COMPLETED, Status.NOT_PUNCTURED)
 say = streams.say
 
 
-def say_json(record: Any) -> None:
+def say_json(record: object) -> None:
     """Print a record as the one JSON object of a command."""
     say(to_json(record))
 
 
-def warn(warnings: Any) -> None:
+def warn(warnings: Iterable[str]) -> None:
     """Print warnings on standard error, a line each."""
     for sentence in warnings:
         streams.tell(f"warning: {sentence}")
 
 
-def result_of(options: argparse.Namespace, command: str) -> AbstractContextManager[Any]:
+def result_of(
+    options: argparse.Namespace, command: str
+) -> AbstractContextManager[ResultFolder | None]:
     """Return the locked folder of ``--out`` as a context, or one of None without that option.
 
     Raises
@@ -75,7 +77,7 @@ def progress(title: str) -> Watch:
     return watch
 
 
-def centimetres(point: Any) -> str:
+def centimetres(point: Iterable[float]) -> str:
     """Return a point as text in cm."""
     return "(" + ", ".join(f"{100.0 * float(x):.3f}" for x in point) + ") cm"
 

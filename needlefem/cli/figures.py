@@ -1,8 +1,8 @@
 """``needlefem plan --method paper`` and ``needlefem figures``: the method of 2003."""
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from needlefem._table import Table
 from needlefem.alterovitz2003.figures import draw_figures
@@ -51,7 +51,7 @@ def plan_by_paper(options: argparse.Namespace) -> int:
     return 0 if paper.plan.status is PlanStatus.PLANNED else 3
 
 
-def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
+def _planned(scene: Scene) -> tuple[dict[str, object], Timed, list[Table]]:
     """Return the record of both plans, the paper's plan, and the tables to print."""
     watch = progress("planning")
     paper = paper_plan(scene, watch=watch)
@@ -60,7 +60,7 @@ def _planned(scene: Scene) -> tuple[dict[str, Any], Timed, list[Table]]:
     if isinstance(scene.mesh, BoxMesh):
         drifts = list(zip(drift(scene, InTime()), drift(scene, None), strict=True))
     tables = [_beside(paper, ours, scene.axes), _drift(drifts, scene.axes)]
-    record: dict[str, Any] = origin(scene) | {"method": "paper"}
+    record = origin(scene) | {"method": "paper"}
     record |= plan_record(paper.plan) | {"seconds": paper.seconds, "steps": paper.steps}
     record |= {
         "expect": None,
@@ -109,7 +109,7 @@ def _beside(paper: Timed, ours: Timed, axes: tuple[str, ...]) -> Table:
     )
 
 
-def _cm(point: Any) -> list[str]:
+def _cm(point: Iterable[float]) -> list[str]:
     return [f"{100.0 * float(x):.4f}" for x in point]
 
 

@@ -4,7 +4,7 @@ import argparse
 import os
 import platform
 from importlib import metadata
-from typing import Any
+from typing import TypedDict
 
 from needlefem import __version__
 from needlefem.cli.common import say, say_json
@@ -18,15 +18,34 @@ PACKAGES = (
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def info() -> dict[str, Any]:
+class Machine(TypedDict):
+    """Versions by package (None: not installed), machine and threads."""
+
+    needlefem: str
+    python: str
+    packages: dict[str, str | None]
+    system: str
+    processor: str
+    cores: int
+    memory: float
+    threads: dict[str, str | None]
+
+
+class Info(Machine):
+    """What `Machine` has, and the renderer."""
+
+    renderer: dict[str, str | None]
+
+
+def info() -> Info:
     """Return versions by package (None: not installed), machine, threads and renderer.
 
     The renderer is tried, in a process of its own: this takes seconds.
     """
-    return machine() | {"renderer": _renderer()}
+    return {**machine(), "renderer": _renderer()}
 
 
-def machine() -> dict[str, Any]:
+def machine() -> Machine:
     """Return versions by package (None: not installed), machine and threads."""
     return {
         "needlefem": __version__,
@@ -66,7 +85,7 @@ def _renderer() -> dict[str, str | None]:
     }
 
 
-def lines(found: dict[str, Any]) -> list[str]:
+def lines(found: Info) -> list[str]:
     """Return the record of `info` as two lines of text."""
     versions = [f"needlefem {found['needlefem']}", f"Python {found['python']}"]
     versions += [f"{name} {v or 'not installed'}" for name, v in found["packages"].items()]

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn
 
 from needlefem._progress import doing, telling
 from needlefem.cli import new as newoptions
@@ -276,17 +276,22 @@ def _verify(parser: argparse.ArgumentParser) -> None:
 
 
 def _check(parser: argparse.ArgumentParser, *, hidden: bool = False) -> None:
-    options: list[tuple[str, str, dict[str, Any]]] = [
-        ("--element", "element of the catalogue, or 'all'; default P2", {}),
-        ("--material", "material law, or 'all'; default isotropic", {}),
-        ("--integrator", "time integrator, or 'all', instead of an element", {}),
-        ("--plane", "plane strain or stress",
-         {"choices": ("strain", "stress"), "default": "strain"}),
-        ("--set", 'constant of the material law, as in --set youngs_modulus="3 kPa"',
-         {"action": "append", "default": [], "metavar": "CONSTANT=VALUE", "dest": "settings"}),
-    ]  # fmt: skip
-    for option, sentence, settings in options:
-        parser.add_argument(option, help=argparse.SUPPRESS if hidden else sentence, **settings)
+    def told(sentence: str) -> str:
+        return argparse.SUPPRESS if hidden else sentence
+
+    parser.add_argument("--element", help=told("element of the catalogue, or 'all'; default P2"))
+    parser.add_argument("--material", help=told("material law, or 'all'; default isotropic"))
+    parser.add_argument(
+        "--integrator", help=told("time integrator, or 'all', instead of an element")
+    )
+    parser.add_argument(
+        "--plane", choices=("strain", "stress"), default="strain",
+        help=told("plane strain or stress"),
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="CONSTANT=VALUE", dest="settings",
+        help=told('constant of the material law, as in --set youngs_modulus="3 kPa"'),
+    )  # fmt: skip
 
 
 def _upgrade(parser: argparse.ArgumentParser) -> None:

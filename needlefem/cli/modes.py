@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -21,6 +21,17 @@ from needlefem.scene.build import build_model
 from needlefem.scene.resolve import resolve
 
 PICTURE = "modes.png"
+
+
+class _Record(TypedDict):
+    """The result as `docs/json.md` describes it."""
+
+    case: str
+    element: str
+    unknowns: int
+    supported: bool
+    frequencies: list[float]
+    critical_steps: dict[str, float]
 
 
 def main(options: argparse.Namespace) -> int:
@@ -44,7 +55,7 @@ def main(options: argparse.Namespace) -> int:
 
 def _found(
     options: argparse.Namespace, scene: Scene, result: ResultFolder | None
-) -> tuple[dict[str, Any], NoRendererError | None]:
+) -> tuple[_Record, NoRendererError | None]:
     """Return the record of the modes, written, and why there is no picture, if that is so."""
     model = build_model(scene, floating=options.unsupported)
     if not 0 < options.count < len(model.free_dofs) // 2:
@@ -53,7 +64,7 @@ def _found(
     system = TissueSystem(model)
     found, shapes = modes(system, options.count)
     hertz = found / (2.0 * np.pi)
-    record = {
+    record: _Record = {
         "case": scene.title,
         "element": model.element.name,
         "unknowns": system.size,
@@ -81,7 +92,7 @@ def _limits(system: TissueSystem) -> dict[str, float]:
     return found
 
 
-def _table(record: dict[str, Any]) -> Table:
+def _table(record: _Record) -> Table:
     rows = [[i, hertz, 1.0 / hertz if hertz > 1e-6 else "-"]
             for i, hertz in enumerate(record["frequencies"], 1)]  # fmt: skip
     limits = ", ".join(f"{1e3 * s:.3g} ms ({mass})" for mass, s in record["critical_steps"].items())
@@ -94,7 +105,7 @@ def _table(record: dict[str, Any]) -> Table:
     )
 
 
-def _write(folder: Path, record: dict[str, Any], system: TissueSystem, shapes: Floats) -> None:
+def _write(folder: Path, record: _Record, system: TissueSystem, shapes: Floats) -> None:
     write_json(folder / "modes.json", record)
     fields = {f"mode {i}": system.nodal(shape) for i, shape in enumerate(shapes.T, 1)}
     write_vtu(folder / "modes.vtu", system.model, fields)

@@ -2,7 +2,6 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import (
@@ -39,7 +38,9 @@ def main(options: argparse.Namespace) -> int:
         watch = progress("planning")
         found = plan(scene, search=options.search, all_solutions=options.all_solutions, watch=watch)
         record = with_scanner(origin(scene) | plan_record(found), scene)
-        record["warnings"] = [*record.get("warnings", ()), *unused_keys(scene, "plan")]
+        warnings = [] if found.evidence is None else list(found.evidence.warnings)
+        warnings += unused_keys(scene, "plan")
+        record["warnings"] = warnings
         expected, why = judged(scene, record, "plan")
         record |= expect_record(expected, why)
         public = with_old_keys(record, "plan")
@@ -51,7 +52,8 @@ def main(options: argparse.Namespace) -> int:
     if options.json:
         say_json(public)
     else:
-        _summary(scene, found, record)
+        _summary(scene, found, scanner_lines(record))
+        warn(warnings)
         if expected is not None:
             say("\n" + expected.text())
         elif why:
@@ -71,7 +73,7 @@ def _draw(found: Plan, folder: Path) -> list[Path]:
     return draw_plan(found.insertion.scene, found, folder)
 
 
-def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
+def _summary(scene: Scene, found: Plan, in_scanner: list[str]) -> None:
     along = ", ".join(f"{x:.3g}" for x in found.insertion.axis.direction)
     turned = f" along ({along})" if found.rejected_directions else ""
     say(f"{scene.title}: {found.status}{turned}, {found.sentence}")
@@ -82,7 +84,7 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
         say(line)
     for passing in found.passings:
         say(f"  the needle {passing}")
-    for line in scanner_lines(record["scanner"]):
+    for line in in_scanner:
         say(line)
     say(search_line(found))
     if found.other_solutions is not None:
@@ -98,8 +100,7 @@ def _summary(scene: Scene, found: Plan, record: dict[str, Any]) -> None:
             say(f"  {name} not known: {why}")
         _accuracy(found.evidence)
         seconds = sum(found.evidence.timings.values())
-        say(f"  {seconds:.2f} s, without: {', '.join(record['skipped'])}")
-    warn(record["warnings"])
+        say(f"  {seconds:.2f} s, without: {', '.join(found.evidence.skipped)}")
 
 
 def _accuracy(evidence: Evidence) -> None:

@@ -3,7 +3,6 @@
 import argparse
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 from needlefem._table import Table
 from needlefem.checks.integrator_checks import check_integrator, measured
@@ -104,7 +103,7 @@ def _assignment(text: str) -> tuple[str, str]:
 
 def _record(
     pair: tuple[str, str], checks: tuple[CheckResult, ...], numbers: Mapping[str, float] | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     return {
         **({"measured": numbers} if numbers else {}),
         "what": pair[0],

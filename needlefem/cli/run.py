@@ -3,9 +3,8 @@
 import argparse
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-from needlefem._table import Table
 from needlefem.casefile.load import load_case
 from needlefem.checks.mesh_checks import overlaps
 from needlefem.cli.common import (
@@ -23,11 +22,12 @@ from needlefem.errors import NoRendererError
 from needlefem.insertion.cut_path import TipPoint
 from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.result import Insertion
+from needlefem.insertion.result import EnergyTerms, Insertion
 from needlefem.insertion.simulation import Discretised, Simulation, discretised
 from needlefem.insertion.strain_check import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
 from needlefem.io.records import (
+    SeedRecord,
     energy_record,
     insertion_record,
     origin,
@@ -54,29 +54,41 @@ def main(options: argparse.Namespace) -> int:
     refuse_unused_keys(scene, "run")
     check_count(options.snapshots, "--snapshots", scene.limits, least=0)
     with result_of(options, "run") as result:
-        insertion, record, expected = _moved(scene, result)
-        public = with_old_keys(record, "run")
-        undrawn = None if result is None else _write(insertion, public, result.path, options)
+        moved, record = _moved(scene, result)
+        expected, why = judged(scene, record, "run")
+        public = with_old_keys(record | expect_record(expected, why), "run")
+        undrawn = None
+        if result is not None:
+            undrawn = _write(moved.insertion, public, result.path, options)
     if options.json:
         say_json(public)
     else:
-        _summary(record, scene.title)
-        warn(record["warnings"])
+        _summary(moved, scanner_lines(record))
+        warn(moved.warnings)
         if expected is not None:
             say("\n" + expected.text())
-        elif record["expect_skipped"]:
-            say("  " + record["expect_skipped"])
+        elif why:
+            say("  " + why)
     if undrawn is not None:
         raise undrawn
-    if insertion.outcome.status not in GOOD:
+    if moved.insertion.outcome.status not in GOOD:
         return 3
     return 0 if expected is None or expected.passed else 1
 
 
-def _moved(
-    scene: Scene, result: ResultFolder | None
-) -> tuple[Insertion, dict[str, Any], Table | None]:
-    """Return what the needle does, its record, and the table of expectations."""
+class _Moved(NamedTuple):
+    """What the needle does, and its seeds, energy and strains at the last state."""
+
+    insertion: Insertion
+    on: Discretised
+    seeds: list[SeedRecord]
+    energies: EnergyTerms
+    strains: StrainCheck
+    warnings: list[str]
+
+
+def _moved(scene: Scene, result: ResultFolder | None) -> tuple[_Moved, dict[str, object]]:
+    """Return what the needle does, and its record."""
     watch = progress("moving")
     simulation = Simulation(scene, expected_insertions=1)
     simulation.check()
@@ -90,18 +102,31 @@ def _moved(
         kept.append(state)
         watch(state)
     insertion = course.result(tuple(kept))
-    on = discretised(simulation, simulation.entry_of_case())
+    strains = validity(insertion, len(insertion.states) - 1)
+    moved = _Moved(
+        insertion=insertion,
+        on=discretised(simulation, simulation.entry_of_case()),
+        seeds=_seeds(insertion),
+        energies=energy_terms(insertion),
+        strains=strains,
+        warnings=[*_warnings(simulation, insertion, strains), *unused_keys(scene, "run")],
+    )
     record = origin(scene) | insertion_record(insertion)
-    record |= {"discretization": dataclasses.asdict(on)}
-    record = with_scanner(record | _measures(simulation, insertion), scene)
-    record["warnings"] += unused_keys(scene, "run")
-    expected, why = judged(scene, record, "run")
-    record |= expect_record(expected, why)
-    return insertion, record, expected
+    record |= {
+        "discretization": dataclasses.asdict(moved.on),
+        "seeds": moved.seeds,
+        "energy": energy_record(moved.energies),
+        "validity": vars(strains),
+        "timings": {},
+        "skipped": simulation.resolved.skipped,
+        "reasons": simulation.reasons,
+        "warnings": moved.warnings,
+    }
+    return moved, with_scanner(record, scene)
 
 
 def _write(
-    insertion: Insertion, record: dict[str, Any], folder: Path, options: argparse.Namespace
+    insertion: Insertion, record: dict[str, object], folder: Path, options: argparse.Namespace
 ) -> NoRendererError | None:
     """Write what is not written yet; return why there are no pictures, if that is so."""
     write_json(folder / "run.json", record)
@@ -117,28 +142,17 @@ def _write(
     )
 
 
-def _measures(simulation: Simulation, insertion: Insertion) -> dict[str, Any]:
-    """Return seed, energy and validity at the last state."""
-    energies = energy_terms(insertion)
-    strains = validity(insertion, len(insertion.states) - 1)
+def _warnings(simulation: Simulation, insertion: Insertion, strains: StrainCheck) -> list[str]:
+    """Return a sentence for everything in an insertion that should not be believed."""
     warnings = [*simulation.warnings, *strains.warnings()]
     warnings += overlaps(simulation.model.mesh, simulation.scene.contours)
     deepest = max(float(insertion.depths.max()), 0.0)
     passed = passings(insertion.scene.obstacles, insertion.axis, deepest)
     warnings += [f"the needle {passing}" for passing in passed if not passing.allowed]
-    warnings += insertion.rupture_warnings
-    return {
-        "seeds": _seeds(insertion),
-        "energy": energy_record(energies),
-        "validity": vars(strains),
-        "timings": {},
-        "skipped": simulation.resolved.skipped,
-        "reasons": simulation.reasons,
-        "warnings": warnings,
-    }
+    return [*warnings, *insertion.rupture_warnings]
 
 
-def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
+def _seeds(insertion: Insertion) -> list[SeedRecord]:
     """Return what was released; where the motion releases nothing, a seed at its end."""
     target = insertion.scene.target
     if insertion.seeds:
@@ -154,23 +168,25 @@ def _seeds(insertion: Insertion) -> list[dict[str, Any]]:
     return [seed_record(insertion, reach or TipPoint(last.depth, last.tip))]
 
 
-def _summary(record: dict[str, Any], title: str) -> None:
-    strains = StrainCheck(**record["validity"])
-    say(f"{title}: {record['status']}, {record['sentence']}; {strains.headline}")
-    say(f"  entry at {centimetres(record['entry'])}; depths are measured from there")
-    if record["puncture_depth"] is not None:
-        say(f"  skin cut at {100 * record['puncture_depth']:.3f} cm")
-    for event in record["events"]:
-        name = f" {event['name']}" if event["name"] else ""
-        at = f"at {event['time']:.2f} s, {100 * event['depth']:.3f} cm"
-        say(f"  {event['kind']}{name} {at}, energy {event['energy']:.3g} J/m")
-    for seed in record["seeds"]:
+def _summary(moved: _Moved, in_scanner: list[str]) -> None:
+    insertion, outcome = moved.insertion, moved.insertion.outcome
+    title = insertion.scene.title
+    say(f"{title}: {outcome.status}, {outcome.sentence}; {moved.strains.headline}")
+    say(f"  entry at {centimetres(insertion.axis.entry)}; depths are measured from there")
+    if insertion.puncture_depth is not None:
+        say(f"  skin cut at {100 * insertion.puncture_depth:.3f} cm")
+    for event in insertion.events:
+        name = f" {event.name}" if event.name else ""
+        at = f"at {event.time:.2f} s, {100 * event.depth:.3f} cm"
+        say(f"  {event.kind}{name} {at}, energy {event.energy:.3g} J/m")
+    for seed in moved.seeds:
         say(_seed_line(seed))
-    for line in scanner_lines(record["scanner"]):
+    for line in in_scanner:
         say(line)
-    force = record["tip_force"][-1] + record["shaft_force"][-1]
-    say(f"  force {force:.4g} N/m, of which the tip {record['tip_force'][-1]:.4g} N/m")
-    energy = record["energy"]
+    last = insertion.states[-1]
+    force = last.tip_force + float(last.friction_force.sum())
+    say(f"  force {force:.4g} N/m, of which the tip {last.tip_force:.4g} N/m")
+    energy = energy_record(moved.energies)
     terms = (
         "strain", "kinetic", "friction", "cutting", "rupture", "lateral_penalty_energy",
         "contact_activation", "crack_front", "viscoelastic", "damping", "algorithmic_dissipation",
@@ -182,10 +198,10 @@ def _summary(record: dict[str, Any], title: str) -> None:
     )
     say(f"  work {energy['work']:.4g} J/m = {spent}")
     say(f"  energy balance closes to {energy['residual']:.1e} of the work")
-    say(f"  discretisation: {Discretised(**record['discretization'])}")
+    say(f"  discretisation: {moved.on}")
 
 
-def _seed_line(seed: dict[str, Any]) -> str:
+def _seed_line(seed: SeedRecord) -> str:
     name = f"{seed['name']} " if seed["name"] else ""
     error = "" if seed["placement_error"] is None else (
         f", {100 * seed['placement_error']:.3f} cm from the target"

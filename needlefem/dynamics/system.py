@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csc_array, diags_array, hstack
@@ -193,10 +193,10 @@ class MatrixSystem:
 
     def __init__(
         self,
-        mass: Sparse,
-        stiffness: Sparse,
-        damping: Sparse | None = None,
-        branches: Sequence[tuple[float, Sparse]] = (),
+        mass: Sparse | Floats,
+        stiffness: Sparse | Floats,
+        damping: Sparse | Floats | None = None,
+        branches: Sequence[tuple[float, Sparse | Floats]] = (),
     ) -> None:
         self.branches = tuple((time, csc_array(matrix)) for time, matrix in branches)
         self.mass, self.stiffness = csc_array(mass), csc_array(stiffness)
@@ -259,7 +259,7 @@ def joined(matrices: Sequence[Sparse], coefficients: Floats) -> Operator:
     return lambda vectors: matrix @ (rows @ vectors).ravel()
 
 
-def weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Any:
+def weighted(branches: Sequence[tuple[float, Sparse]], shares: Sequence[float]) -> Sparse | int:
     """Return the sum of the branches' stiffness matrices times their shares; 0 without shares."""
     return sum((share * matrix for share, (_, matrix) in zip(shares, branches, strict=False)), 0)
 
@@ -275,7 +275,7 @@ def largest(system: System, mass: Sparse) -> float:
 
     def push(x: Floats) -> Floats:
         found = system.stiffness_times(x)
-        return found + at_once @ x if system.branches else found
+        return found if isinstance(at_once, int) else found + at_once @ x
 
     stiffness = LinearOperator(shape, matvec=push, dtype=float)
     solve = LinearOperator(shape, matvec=inverse.solve, dtype=float)

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import skfem
@@ -10,7 +9,7 @@ from skfem.element.element_h1 import ElementH1
 from skfem.refdom import RefTri
 
 from needlefem import _plugin
-from needlefem._arrays import Floats
+from needlefem._arrays import Floats, SkfemElement
 from needlefem.elements.shape_functions import Rule, gauss, simplex
 from needlefem.errors import CaseError, matching, nearest, short
 
@@ -53,7 +52,7 @@ class ElementType:
 
     name: str
     cell: str
-    make: Callable[[], Any]
+    make: Callable[[], SkfemElement]
     degree: int
     stiffness_rule: Rule
     mass_rule: Rule
@@ -62,7 +61,7 @@ class ElementType:
     stress_limit: float = 0.49
     volume: str = DISPLACEMENT
     volume_rule: Rule | None = None
-    pressure: Callable[[], Any] | None = None
+    pressure: Callable[[], SkfemElement] | None = None
 
     def __post_init__(self) -> None:
         if (self.volume == BBAR) != (self.volume_rule is not None):
@@ -101,7 +100,7 @@ class TriangleBubble(ElementH1):  # type: ignore[misc]  # scikit-fem ships no ty
     doflocs = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0 / 3.0, 1.0 / 3.0]])
     refdom = RefTri
 
-    def lbasis(self, X: Any, i: int) -> tuple[Floats, Floats]:  # noqa: N803  (scikit-fem's name)
+    def lbasis(self, X: Floats, i: int) -> tuple[Floats, Floats]:  # noqa: N803  (scikit-fem's name)
         """Return shape function `i` and its gradient at reference points."""
         x, y = X
         bubble = 27.0 * x * y * (1.0 - x - y)

@@ -9,13 +9,12 @@ import math
 from collections.abc import Callable
 from functools import cache, lru_cache, partial
 from itertools import product
-from typing import Any
 
 import numpy as np
 from skfem.quadrature import get_quadrature
 from skfem.refdom import RefTet, RefTri
 
-from needlefem._arrays import Floats, Points
+from needlefem._arrays import Floats, Ints, Points, SkfemElement
 
 Rule = Callable[[], tuple[Floats, Floats]]
 """Returns points (dim, n) of the reference cell and weights (n,) whose sum is its measure."""
@@ -77,7 +76,7 @@ class ShapeTable:
         A scalar element with polynomial shape functions.
     """
 
-    def __init__(self, element: Any) -> None:
+    def __init__(self, element: SkfemElement) -> None:
         dim, degree = element.doflocs.shape[1], element.maxdeg
         powers = [p for p in product(range(degree + 1), repeat=dim) if sum(p) <= degree]
         self._set_powers(sorted(powers, key=sum))
@@ -99,7 +98,7 @@ class ShapeTable:
             lower = tuple(p - (i == axis) for i, p in enumerate(power))
             self._factors.append((powers.index(lower), axis))
 
-    def _needed(self, used: Any) -> list[int]:
+    def _needed(self, used: Ints) -> list[int]:
         """Return the indices of the used monomials and of all their factors."""
         wanted = [self._powers[i] for i in used]
         return [
@@ -135,7 +134,7 @@ class ShapeTable:
 
 
 @lru_cache(maxsize=32)
-def shape_table(make: Callable[[], Any]) -> ShapeTable:
+def shape_table(make: Callable[[], SkfemElement]) -> ShapeTable:
     """Return the shape functions of the element that `make` returns; the result is cached."""
     return ShapeTable(make())
 

@@ -121,7 +121,7 @@ class BoundaryValueProblem:
         owner = np.zeros(mesh.nelements, dtype=np.intp)
         if isinstance(materials, Mapping):
             for number, name in enumerate(materials):
-                owner[mesh.subdomains[name]] = number
+                owner[(mesh.subdomains or {})[name]] = number
         splits = [
             volumetric_split(material)
             if mesh.dim() == 3

@@ -7,7 +7,8 @@ and the matrix is large enough to compensate for its import (``needlefem bench s
 
 import functools
 from importlib import import_module
-from typing import Any, Protocol
+from types import ModuleType
+from typing import Protocol
 
 import numpy as np
 from scipy.sparse import csr_array, eye_array
@@ -172,7 +173,7 @@ class CholmodFactor:
 
 
 @functools.cache
-def cholmod() -> Any:
+def cholmod() -> ModuleType | None:
     """Return scikit-sparse's interface to CHOLMOD, or None if it is not installed."""
     try:
         return import_module("sksparse.cholmod")
@@ -185,7 +186,7 @@ def cholmod() -> Any:
 # Computed results (states, points, energies) are pickled.
 
 
-def lasting_state(instance: object, *others: str) -> dict[str, Any]:
+def lasting_state(instance: object, *others: str) -> dict[str, object]:
     """Return the attributes of an instance for pickling and copying, without cached properties.
 
     Parameters
@@ -206,6 +207,6 @@ def lasting_state(instance: object, *others: str) -> dict[str, Any]:
 class Lasting:
     """A class whose instances are pickled and copied without their cached properties."""
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return the state for pickling."""
         return lasting_state(self)

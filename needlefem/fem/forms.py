@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from copy import copy
-from typing import Any
 
 import numpy as np
 from skfem import Basis, BilinearForm, ElementVector, FacetBasis, LinearForm
+from skfem.assembly.form.form import FormExtraParams
+from skfem.element import DiscreteField
 from skfem.helpers import div, dot
-from skfem.mapping import MappingAffine, MappingIsoparametric
+from skfem.mapping import Mapping, MappingAffine, MappingIsoparametric
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import ElementType
@@ -40,11 +41,11 @@ def pressure_basis(mesh: SkfemMesh, element: ElementType) -> Basis:
 class _Affine(MappingAffine):  # type: ignore[misc]
     """An affine mapping that is pickled and copied without its cached tables."""
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         return {"dim": self.dim, "mesh": self.mesh, "tind": self.tind}
 
 
-def _mapping(mesh: SkfemMesh) -> Any:
+def _mapping(mesh: SkfemMesh) -> Mapping:
     """Return the mapping from the reference cell; all bases on a mesh share it.
 
     It is stored in the mesh where skfem looks for it. It refers to a shallow copy of the mesh: with
@@ -77,10 +78,10 @@ def stiffness(basis: Basis, law: Floats) -> Sparse:
         [(j, law[i, j][:, None]) for j in range(len(law)) if np.any(law[i, j])]
         for i in range(len(law))
     ]
-    met: Any = None
+    met: DiscreteField | None = None
     stress: list[Floats] = []
 
-    def form(u: Any, v: Any, _: object) -> Floats:
+    def form(u: DiscreteField, v: DiscreteField, _: object) -> Floats:
         nonlocal met, stress
         if u is not met:  # skfem combines one trial function with all test functions in turn
             there = strain(u.grad)
@@ -88,37 +89,41 @@ def stiffness(basis: Basis, law: Floats) -> Sparse:
         parts = map(np.multiply, strain(v.grad), stress)
         return sum(parts, start=next(parts))
 
-    return BilinearForm(form).assemble(basis)
+    found: Sparse = BilinearForm(form).assemble(basis)
+    return found
 
 
 def volume_stiffness(basis: Basis, kappa: Floats) -> Sparse:
     """Return the stiffness of ``kappa div u div v``; `kappa` has shape (ncells,), Pa."""
 
-    def form(u: Any, v: Any, _: object) -> Floats:
+    def form(u: DiscreteField, v: DiscreteField, _: object) -> Floats:
         value: Floats = kappa[:, None] * div(u) * div(v)
         return value
 
-    return BilinearForm(form).assemble(basis)
+    found: Sparse = BilinearForm(form).assemble(basis)
+    return found
 
 
 def coupling(basis: Basis, pressures: Basis) -> Sparse:
     """Return B, shape (npressures, ndofs): the change of volume due to a displacement."""
 
-    def form(u: Any, q: Any, _: object) -> Floats:
+    def form(u: DiscreteField, q: DiscreteField, _: object) -> Floats:
         value: Floats = div(u) * q
         return value
 
-    return BilinearForm(form).assemble(basis, pressures)
+    found: Sparse = BilinearForm(form).assemble(basis, pressures)
+    return found
 
 
 def pressure_mass(pressures: Basis, compressibility: Floats) -> Sparse:
     """Return C, shape (npressures, npressures); `compressibility` has shape (ncells,), 1/Pa."""
 
-    def form(p: Any, q: Any, _: object) -> Floats:
+    def form(p: DiscreteField, q: DiscreteField, _: object) -> Floats:
         value: Floats = compressibility[:, None] * p * q
         return value
 
-    return BilinearForm(form).assemble(pressures)
+    found: Sparse = BilinearForm(form).assemble(pressures)
+    return found
 
 
 def mass(basis: Basis, density: Floats) -> Sparse:
@@ -126,7 +131,8 @@ def mass(basis: Basis, density: Floats) -> Sparse:
 
     `density` has shape (ncells,), kg/m^3.
     """
-    return _mass_form(density).assemble(basis)
+    found: Sparse = _mass_form(density).assemble(basis)
+    return found
 
 
 def lumped_mass(basis: Basis, density: Floats, scheme: str, element: ElementType) -> Floats:
@@ -156,7 +162,7 @@ def lumped_mass(basis: Basis, density: Floats, scheme: str, element: ElementType
 
 
 def _mass_form(density: Floats) -> BilinearForm:
-    def form(u: Floats, v: Floats, _: object) -> Floats:
+    def form(u: DiscreteField, v: DiscreteField, _: object) -> Floats:
         value: Floats = density[:, None] * dot(u, v)
         return value
 
@@ -166,7 +172,7 @@ def _mass_form(density: Floats) -> BilinearForm:
 def body_load(basis: Basis, force: Field) -> Floats:
     """Return the load of a force per volume (N/m^3) on all dofs, shape (ndofs,), N (N/m)."""
 
-    def form(v: Any, w: Any) -> Floats:
+    def form(v: DiscreteField, w: FormExtraParams) -> Floats:
         value: Floats = dot(_at(force, w.x), v)
         return value
 
@@ -188,7 +194,7 @@ def traction_load(
     vector = ElementVector(element.make())
     basis = FacetBasis(mesh, vector, mapping=_mapping(mesh), facets=facets, intorder=order)
 
-    def form(v: Any, w: Any) -> Floats:
+    def form(v: DiscreteField, w: FormExtraParams) -> Floats:
         dim, *shape = w.x.shape
         normals = np.asarray(w.n).reshape(dim, -1).T
         value = traction(w.x.reshape(dim, -1).T, normals)

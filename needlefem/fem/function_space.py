@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
@@ -131,11 +130,11 @@ class FunctionSpace:
             self.node_dofs[self.cell_nodes.T, axis] = self.basis.element_dofs[axis :: self.dim]
         self.nodes: Points = self.basis.doflocs[:, self.node_dofs[:, 0]].T
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return the state for pickling, without factorisations, matrices and basis."""
         return lasting_state(self, "basis")
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         """Restore a space; the basis is built again with the same numbers of dofs."""
         vars(self).update(state)
         element = self.element

@@ -11,10 +11,10 @@ laws the strain has a jump, and so has the pressure; a continuous function would
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.sparse import block_array, vstack
+from skfem import Basis
 
 from needlefem._arrays import Floats, Ints, Points, SkfemMesh, Sparse
 from needlefem.elements import BBAR, DISPLACEMENT, ElementType
@@ -52,13 +52,14 @@ class Pressures:
             local = np.searchsorted(used, self._basis.element_dofs[:, cells])
             self.cell_dofs[:, cells] = start + local
 
-    def coupling(self, basis: Any) -> Sparse:
+    def coupling(self, basis: Basis) -> Sparse:
         """Return B, shape (count, ndofs), for the basis of the displacement."""
         rows = []
         for cells, used in zip(self._parts, self._used, strict=True):
             whole = forms.coupling(basis.with_elements(cells), self._basis.with_elements(cells))
             rows.append(whole.tocsr()[used])
-        return vstack(rows).tocsr()
+        found: Sparse = vstack(rows).tocsr()
+        return found
 
     def mass(self, weight: Floats) -> Sparse:
         """Return the mass matrix with one weight per cell, shape (count, count)."""
@@ -68,7 +69,8 @@ class Pressures:
             blocks.append(whole.tocsr()[used][:, used])
         n = len(blocks)
         diagonal = [[blocks[i] if i == j else None for j in range(n)] for i in range(n)]
-        return block_array(diagonal).tocsr()
+        found: Sparse = block_array(diagonal).tocsr()
+        return found
 
     def at(self, dofs: Floats, reference: Points) -> Floats:
         """Return the pressure at reference points (n, dim) of all cells, shape (ncells, n), Pa."""
@@ -126,11 +128,11 @@ class Stiffness:
         self.law: Floats = shape[:, :, owner]
         self.poissons_ratio = max(part.poissons_ratio for part in splits)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return the state for pickling, without factorisations, matrices and basis."""
         return lasting_state(self, "_basis")
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
+    def __setstate__(self, state: dict[str, object]) -> None:
         """Restore a stiffness; the basis is built again."""
         vars(self).update(state)
         rule = self._element.stiffness_rule

@@ -91,7 +91,8 @@ def _fixed_directions(
 def _supported_nodes(space: "FunctionSpace", support: Support, name: str) -> Ints:
     """Return the nodes of a support's faces and regions in rising order."""
     nodes = [np.zeros(0, dtype=np.intp)]
-    nodes += [space.cell_nodes[space.mesh.subdomains[r]].ravel() for r in support.regions]
+    regions = space.mesh.subdomains or {}
+    nodes += [space.cell_nodes[regions[r]].ravel() for r in support.regions]
     for face in support.faces:
         facets = space.face(face, f"supports.{name}.faces")
         nodes.append(space.node_of[space.dofs_on(facets)])
@@ -200,7 +201,7 @@ class TissueModel(FunctionSpace):
         """Number of each cell's material in the order of `materials`, shape (ncells,)."""
         owner = np.full(self.mesh.nelements, -1)
         for number, name in enumerate(self.materials):
-            owner[self.mesh.subdomains[name]] = number
+            owner[(self.mesh.subdomains or {})[name]] = number
         return owner
 
     def per_cell(self, values: Mapping[str, float]) -> Floats:

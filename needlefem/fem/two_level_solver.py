@@ -78,13 +78,13 @@ def _spread(finer: TissueModel, coarser: TissueModel) -> Sparse:
         coarser.interpolation.shape(reference[inside])[:, :, None], there.shape
     )
     entries = (values.ravel(), (here.ravel(), there.ravel()))
-    spread = sparse.csr_array(entries, shape=(finer.ndofs, coarser.ndofs))
+    spread: Sparse = sparse.csr_array(entries, shape=(finer.ndofs, coarser.ndofs))
     if coarser.frames is not None:
         spread = spread @ coarser.frames.matrix
     spread = spread[:, coarser.free_dofs]
     free = np.ones(finer.ndofs)
     free[finer.held_dofs] = 0.0
-    projection = sparse.diags_array(free)
+    projection: Sparse = sparse.diags_array(free)
     if finer.frames is not None:
         projection = finer.frames.matrix @ projection @ finer.frames.matrix.T
     spread = (projection @ spread).tocsr()

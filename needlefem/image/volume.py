@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Protocol
 
 import numpy as np
 
@@ -125,6 +126,18 @@ def file_bytes(path: Path, most: int = -1) -> bytes:
         return file.read(most)
 
 
+class _Decompressor(Protocol):
+    """A decompressor of the standard library."""
+
+    @property
+    def eof(self) -> bool: ...
+
+    @property
+    def unused_data(self) -> bytes: ...
+
+    def decompress(self, data: bytes, /, max_length: int) -> bytes: ...
+
+
 def inflated(data: bytes, compression: str, most: int, path: Path, *, whole: bool = True) -> bytes:
     """Return decompressed data, at most `most` bytes and one more.
 
@@ -144,7 +157,7 @@ def inflated(data: bytes, compression: str, most: int, path: Path, *, whole: boo
     CaseError
         The data are damaged or incomplete.
     """
-    make: Mapping[str, Callable[[], Any]] = {
+    make: Mapping[str, Callable[[], _Decompressor]] = {
         "gzip": lambda: zlib.decompressobj(31),
         "zlib": zlib.decompressobj,
         "bzip2": bz2.BZ2Decompressor,
@@ -269,7 +282,23 @@ def read_other(path: Path) -> Volume:
     return _volume(sitk, image, path)
 
 
-def _volume(sitk: Any, image: Any, path: Path) -> Volume:
+class _Image(Protocol):
+    """A `SimpleITK.Image`."""
+
+    def GetDimension(self) -> int: ...  # noqa: N802  (SimpleITK's names)
+
+    def GetDirection(self) -> tuple[float, ...]: ...  # noqa: N802
+
+    def GetSpacing(self) -> tuple[float, ...]: ...  # noqa: N802
+
+    def GetOrigin(self) -> tuple[float, ...]: ...  # noqa: N802
+
+    def GetMetaDataKeys(self) -> tuple[str, ...]: ...  # noqa: N802
+
+    def GetMetaData(self, key: str) -> str: ...  # noqa: N802
+
+
+def _volume(sitk: ModuleType, image: _Image, path: Path) -> Volume:
     if image.GetDimension() != 3:
         problem = f"'{path.name}' has {image.GetDimension()} dimensions"
         raise refusal(path, problem, "save it as a volume (of one slice if need be)")

@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class Simulation:
         laws = self.scene.materials.values()
         self._memory = any(branches_of(law, self.scene.dim, self.scene.plane) for law in laws)
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> dict[str, object]:
         """Return the data to pickle: without `watch`, and without compliances.
 
         Compliances are computed again after unpickling.
@@ -266,9 +266,10 @@ class Simulation:
     def _check(self, entry: Entry) -> None:
         faces = {face for support in self.scene.supports.values() for face in support.faces}
         mesh = self.model.mesh
-        fixed = [mesh.boundaries[face] for face in sorted(faces)]
+        named, regions = mesh.boundaries or {}, mesh.subdomains or {}
+        fixed = [named[face] for face in sorted(faces)]
         for support in self.scene.supports.values():
-            fixed += [mesh.t2f[:, mesh.subdomains[name]].ravel() for name in support.regions]
+            fixed += [mesh.t2f[:, regions[name]].ravel() for name in support.regions]
         facets = np.concatenate(fixed) if fixed else np.zeros(0, dtype=np.intp)
         check_entry(entry, self.direction, facets)
 

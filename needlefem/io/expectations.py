@@ -1,8 +1,8 @@
 """Comparison of a result with the expectations of its case."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence, Sized
+from typing import Protocol, SupportsFloat, runtime_checkable
 
 from needlefem._table import Table
 from needlefem.errors import CaseError, nearest, short
@@ -38,6 +38,17 @@ MOST_SHOWN = 4
 """Entries of a list that a row shows one by one."""
 HARMLESS = ("title", "outputs", "limits", "schema_version")
 """Sections that change no result."""
+
+
+@runtime_checkable
+class _Listed(Protocol):
+    """A list, a tuple or an array."""
+
+    def __len__(self) -> int: ...
+
+    def __iter__(self) -> Iterator[object]: ...
+
+    def __getitem__(self, number: int, /) -> object: ...
 
 
 def check_key(name: str, axes: Sequence[str], key: str) -> None:
@@ -85,19 +96,19 @@ def set_aside(scene: Scene, root: str) -> str:
     return f"the case's expectations are not compared, because --set changed {', '.join(keys)}"
 
 
-def judged(scene: Scene, record: Mapping[str, Any], root: str) -> tuple[Table | None, str]:
+def judged(scene: Scene, record: Mapping[str, object], root: str) -> tuple[Table | None, str]:
     """Return the table of a scene's expectations, or None, and why there is none if one is due."""
     why = set_aside(scene, root)
     return (None if why else compare(scene.expect, record, root, scene.axes)), why
 
 
-def expect_record(table: Table | None, why: str) -> dict[str, Any]:
+def expect_record(table: Table | None, why: str) -> dict[str, object]:
     """Return what `judged` found as plain data for JSON."""
     return {"expect": None if table is None else table.record(), "expect_skipped": why or None}
 
 
 def compare(
-    expected: Sequence[Expectation], record: Mapping[str, Any], root: str, axes: Sequence[str]
+    expected: Sequence[Expectation], record: Mapping[str, object], root: str, axes: Sequence[str]
 ) -> Table | None:
     """Return a table of what was expected under ``root.`` and what is in the record.
 
@@ -115,7 +126,7 @@ def compare(
     )
 
 
-def look_up(record: Any, path: Sequence[str], axes: Sequence[str]) -> Any:
+def look_up(record: object, path: Sequence[str], axes: Sequence[str]) -> object:
     """Return the entry of a record at a dotted path; the last part may name an axis.
 
     None where there is no such entry.
@@ -123,7 +134,7 @@ def look_up(record: Any, path: Sequence[str], axes: Sequence[str]) -> Any:
     for part in path:
         if isinstance(record, Mapping):
             record = record.get(part)
-        elif record is None or isinstance(record, str) or not hasattr(record, "__len__"):
+        elif isinstance(record, str) or not isinstance(record, _Listed):
             return None
         elif part in axes or _is_number(part):
             number = axes.index(part) if part in axes else int(part)
@@ -138,7 +149,7 @@ def _is_number(part: str) -> bool:
     return digits.isascii() and digits.isdigit() and len(digits) < 10
 
 
-def _row(item: Expectation, found: Any) -> list[Any]:
+def _row(item: Expectation, found: object) -> list[object]:
     return [
         item.key,
         _text(found, item.unit),
@@ -155,39 +166,37 @@ def _scaled(value: float, unit: str) -> float:
     return in_unit(value, unit) if unit else value
 
 
-def _text(value: Any, unit: str) -> str:
+def _text(value: object, unit: str) -> str:
     if value is None:
         return "none"
     if isinstance(value, str):
         return str(value)
     if isinstance(value, Mapping):
         return "a table"
-    if hasattr(value, "__len__"):
+    if isinstance(value, _Listed):
         if len(value) > MOST_SHOWN:
             return f"a list of {len(value)}"
         return "(" + ", ".join(_text(item, unit) for item in value) + ")"
-    return f"{_scaled(float(value), unit):.4g}"
+    return f"{_scaled(float(value), unit):.4g}" if isinstance(value, SupportsFloat) else str(value)
 
 
-def _holds(item: Expectation, found: Any) -> bool:
+def _holds(item: Expectation, found: object) -> bool:
     """Say whether a value is as expected; one of another kind never is."""
     if isinstance(item.value, tuple):
         values = None if isinstance(found, str | Mapping) else _numbers(found)
         if values is None or len(values) != len(item.value):
             return False
         return math.dist(item.value, values) <= (item.tolerance or 0.0)
-    if found is None or isinstance(found, str) or hasattr(found, "__len__"):
+    if isinstance(found, str | Sized) or not isinstance(found, SupportsFloat):
         return False
     if item.tolerance is None:
         return float(found) <= item.value
     return abs(float(found) - item.value) <= item.tolerance
 
 
-def _numbers(found: Any) -> list[float] | None:
+def _numbers(found: object) -> list[float] | None:
     """Return the numbers of a list; None if there is anything else in it, or no list."""
-    if not hasattr(found, "__len__"):
+    if not isinstance(found, _Listed):
         return None
-    plain = [x for x in found if not isinstance(x, str) and not hasattr(x, "__len__")]
-    if len(plain) != len(found) or any(x is None for x in plain):
-        return None
-    return [float(x) for x in plain]
+    plain = [float(x) for x in found if isinstance(x, SupportsFloat) and not isinstance(x, Sized)]
+    return plain if len(plain) == len(found) else None

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import NotRequired, TypedDict
 
 import numpy as np
 
@@ -25,18 +25,33 @@ NESTED = ("unplanned", "depth_only", "blocked", "seeds", "ours")
 """Keys of a record with such points below them."""
 
 
-def origin(scene: Scene) -> dict[str, Any]:
+class SeedRecord(TypedDict):
+    """A seed in the record of a run; see `docs/json.md`."""
+
+    name: str
+    time: NotRequired[float]
+    released_at: Vector
+    release_depth: float
+    placed_at: Vector
+    elastic_prediction: Vector
+    final_position: Vector | None
+    distance_from_rest: float | None
+    placement_error: float | None
+    status: str
+
+
+def origin(scene: Scene) -> dict[str, object]:
     """Return which case a result came from, and what was replaced in it."""
     source = None if scene.source is None else scene.source.resolve()
     return {"case": scene.title, "source": source, "overrides": scene.overrides}
 
 
-def check_record(check: CheckResult) -> dict[str, Any]:
+def check_record(check: CheckResult) -> dict[str, object]:
     """Return a check with its verdict."""
     return dataclasses.asdict(check) | {"passed": check.passed}
 
 
-def pushed_record(axis: InsertionAxis, point: Vector | None) -> dict[str, Any]:
+def pushed_record(axis: InsertionAxis, point: Vector | None) -> dict[str, object]:
     """Return how a needle on an axis brings its tip to a point: where it enters, how deep it goes.
 
     The depth (m) counts from the entry, whatever the coordinates of the skin are.
@@ -45,14 +60,14 @@ def pushed_record(axis: InsertionAxis, point: Vector | None) -> dict[str, Any]:
     return {"entry": None if point is None else axis.entry, "release_depth": depth}
 
 
-def release_record(release: Release | None, axis: InsertionAxis) -> dict[str, Any] | None:
+def release_record(release: Release | None, axis: InsertionAxis) -> dict[str, object] | None:
     """Return where something was released on an axis, how deep, and where it came to rest."""
     if release is None:
         return None
     return dataclasses.asdict(release) | pushed_record(axis, release.release_point)
 
 
-def plan_record(plan: Plan) -> dict[str, Any]:
+def plan_record(plan: Plan) -> dict[str, object]:
     """Return a plan; see `docs/json.md`."""
     best = plan.best
     return {
@@ -81,7 +96,7 @@ def plan_record(plan: Plan) -> dict[str, Any]:
     } | ({} if plan.evidence is None else _evidence_record(plan.evidence, plan.missing))
 
 
-def headline_record(found: Headline) -> dict[str, Any]:
+def headline_record(found: Headline) -> dict[str, object]:
     """Return the estimated placement error (m), what it contains, and what it does not."""
     strains = found.validity
     return {
@@ -93,13 +108,13 @@ def headline_record(found: Headline) -> dict[str, Any]:
     }
 
 
-def _barred_record(barred: BlockedRelease | None) -> dict[str, Any] | None:
+def _barred_record(barred: BlockedRelease | None) -> dict[str, object] | None:
     if barred is None:
         return None
     return dataclasses.asdict(barred.release) | dataclasses.asdict(barred.passing)
 
 
-def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str, Any]:
+def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str, object]:
     energies, strains, on = evidence.energy, evidence.validity, evidence.discretisation
     return {
         "missing": {**missing, **evidence.missing},
@@ -119,7 +134,7 @@ def _evidence_record(evidence: Evidence, missing: Mapping[str, str]) -> dict[str
     }
 
 
-def search_record(name: str, solution: SearchResult) -> dict[str, Any]:
+def search_record(name: str, solution: SearchResult) -> dict[str, object]:
     """Return the heights that a search tried (relative to the target's) and their misses."""
     heights = [height for height, _ in solution.tried]
     misses = [miss for _, miss in solution.tried]
@@ -131,7 +146,7 @@ def search_record(name: str, solution: SearchResult) -> dict[str, Any]:
     }
 
 
-def energy_record(found: EnergyTerms) -> dict[str, Any]:
+def energy_record(found: EnergyTerms) -> dict[str, float]:
     """Return the energy terms, J (J/m in 2D), and the residual of the energy balance."""
     return dataclasses.asdict(found) | {
         "residual": found.residual,
@@ -139,7 +154,7 @@ def energy_record(found: EnergyTerms) -> dict[str, Any]:
     }
 
 
-def insertion_record(insertion: Insertion) -> dict[str, Any]:
+def insertion_record(insertion: Insertion) -> dict[str, object]:
     """Return the histories of an insertion."""
     states = insertion.states
     return {
@@ -164,7 +179,7 @@ def insertion_record(insertion: Insertion) -> dict[str, Any]:
     }
 
 
-def seed_record(insertion: Insertion, reach: TipPoint) -> dict[str, Any]:
+def seed_record(insertion: Insertion, reach: TipPoint) -> SeedRecord:
     """Return a seed: where the tip let it go, where it rests, and its distance to the target.
 
     Where the insertion broke off nothing is placed: the seed is where it would rest.
@@ -186,7 +201,7 @@ def seed_record(insertion: Insertion, reach: TipPoint) -> dict[str, Any]:
 
 def released_record(
     seed: Seed, place: Vector, target: Coordinates | None, axis: InsertionAxis
-) -> dict[str, Any]:
+) -> SeedRecord:
     """Return a seed that a motion released; `place` is where it is when the motion ends."""
     return {
         "name": seed.name,
@@ -206,7 +221,7 @@ def _error(point: Vector, target: Coordinates | None) -> float | None:
     return None if target is None else float(np.linalg.norm(point - np.array(target)))
 
 
-def with_scanner(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
+def with_scanner(record: Mapping[str, object], scene: Scene) -> dict[str, object]:
     """Return the record of a plan or a run with ``frame`` and ``scanner`` beside what it has.
 
     ``frame`` is the case's plane in the scanner; ``scanner`` has every point of the record in the
@@ -217,12 +232,15 @@ def with_scanner(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
     if frame is None:
         return {**record, "frame": None, "scanner": None}
     direction = record.get("direction", scene.motion.direction)
-    found = {"space": frame.space, "direction": frame.turned(np.array(direction))}
+    found: dict[str, object] = {
+        "space": frame.space,
+        "direction": frame.turned(np.array(direction)),
+    }
     return {**record, "frame": dataclasses.asdict(frame), "scanner": found | _points(record, frame)}
 
 
-def _points(record: Mapping[str, Any], frame: ImageFrame) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _points(record: Mapping[str, object], frame: ImageFrame) -> dict[str, object]:
+    found: dict[str, object] = {}
     for key, value in record.items():
         if key in POINTS:
             found[key] = None if value is None else frame.to_scanner(np.array(value))
@@ -233,9 +251,10 @@ def _points(record: Mapping[str, Any], frame: ImageFrame) -> dict[str, Any]:
     return found
 
 
-def scanner_lines(scanner: Mapping[str, Any] | None) -> list[str]:
-    """Return lines that say where release points and seeds are in the scanner, mm."""
-    if scanner is None:
+def scanner_lines(record: Mapping[str, object]) -> list[str]:
+    """Return lines that say where a record's points are in the scanner, mm; see `with_scanner`."""
+    scanner = record["scanner"]
+    if not isinstance(scanner, Mapping):
         return []
     named = {
         "entry": scanner.get("entry"),

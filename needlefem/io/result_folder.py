@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -148,12 +148,15 @@ def discard_parts() -> None:
         _parts.discard(part)
 
 
-def to_json(record: Any) -> str:
+Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
+
+
+def to_json(record: object) -> str:
     """Return a record as JSON; arrays become lists, infinities and NaN become null."""
     return json.dumps(_plain(record), indent=2, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Json:
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | np.ndarray):
@@ -165,7 +168,7 @@ def _plain(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 
 
-def write_json(path: Path, record: Any) -> None:
+def write_json(path: Path, record: object) -> None:
     """Write a record as JSON."""
     with whole_file(path) as part:
         part.write_text(to_json(record) + "\n", encoding="utf-8")
@@ -183,7 +186,7 @@ def write_text(path: Path, text: str) -> None:
 # interrupted or is still running can therefore be recognised.
 
 
-fcntl: Any = import_module("fcntl") if os.name == "posix" else None
+fcntl = import_module("fcntl") if os.name == "posix" else None
 """File locks; without them (on Windows) two simultaneous runs in one folder are not detected."""
 
 MARK = ".needlefem.json"

@@ -11,16 +11,17 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from needlefem._arrays import Points
 from needlefem._inputfile import LARGEST_DATA, read_bytes, read_text, require_file
 from needlefem.errors import CaseError, short
-from needlefem.geometry.image_frame import ImageFrame, Voxels
+from needlefem.geometry.image_frame import ImageFrame
 from needlefem.io.result_folder import TABLES, mark_of
 from needlefem.scene.version_1 import EVENTS, PHASES, renewed_record
+from needlefem.validation import filled
 
 KEY = "result"
 ANEW = "write the result anew"
@@ -36,13 +37,15 @@ TEXTS = ("tip", "event", "name")
 class Maybe:
     """A value of some kind, or null."""
 
-    kind: Any
+    kind: "Kind"
 
 
-POINT = [float]
+Kind: TypeAlias = "type | Maybe | list[Kind] | dict[str, Kind]"
+"""What a value is: of a type, that or null, a list of such values, or an object with such keys."""
+POINT: Kind = [float]
 RELEASE = Maybe({"release_point": POINT, "placed_at": POINT, "placement_error": float})
-ORIGIN = {"case": str, "source": Maybe(str), "overrides": dict}
-RECORDS: Mapping[str, Mapping[str, Any]] = {
+ORIGIN: dict[str, Kind] = {"case": str, "source": Maybe(str), "overrides": dict}
+RECORDS: Mapping[str, Mapping[str, Kind]] = {
     "run": ORIGIN | {
         "status": str, "sentence": str, "puncture_depth": Maybe(float),
         "time": [float], "depth": [float], "tip_phase": [str], "tip_path": [POINT],
@@ -71,7 +74,7 @@ RECORDS: Mapping[str, Mapping[str, Any]] = {
     "verification": {"passed": bool, "quick": bool, "packages": dict, "problems": [dict]},
 }  # fmt: skip
 """Keys of every record and what their values are; `float` stands for any finite number."""
-FRAME = {
+FRAME: dict[str, Kind] = {
     "space": str, "origin": POINT, "axes": [POINT],
     "voxels": Maybe({"file": str, "origin": POINT, "axes": [POINT], "spacing": POINT,
                      "size": [int]}),
@@ -108,7 +111,7 @@ def read_record(file: Path, kind: str) -> dict[str, Any]:
     if not isinstance(record, dict):
         raise CaseError(KEY, f"'{file}' holds no object", ANEW)
     record = renewed_record(record, kind)
-    shape: dict[str, Any] = dict(RECORDS[kind])
+    shape = dict(RECORDS[kind])
     if record.get("frame") is not None:
         shape["frame"] = FRAME
     _require(record, shape, "", file)
@@ -119,7 +122,7 @@ def read_record(file: Path, kind: str) -> dict[str, Any]:
     return record
 
 
-def _require(value: Any, kind: Any, key: str, file: Path) -> None:
+def _require(value: object, kind: Kind, key: str, file: Path) -> None:
     """Raise a `CaseError` unless a value is of a kind; keys that are not listed may be there."""
     if isinstance(kind, Maybe):
         if value is not None:
@@ -129,10 +132,10 @@ def _require(value: Any, kind: Any, key: str, file: Path) -> None:
     fits = isinstance(value, int | float if plain is float else plain)
     if not fits or (isinstance(value, bool) and plain is not bool):
         raise _wrong(value, WORDS[plain], key, file)
-    if isinstance(kind, list):
+    if isinstance(kind, list) and isinstance(value, list):
         for number, item in enumerate(value):
             _require(item, kind[0], f"{key}[{number}]", file)
-    elif isinstance(kind, dict):
+    elif isinstance(kind, dict) and isinstance(value, dict):
         for name, inner in kind.items():
             own = f"{key}.{name}" if key else name
             if name not in value:
@@ -140,11 +143,11 @@ def _require(value: Any, kind: Any, key: str, file: Path) -> None:
             _require(value[name], inner, own, file)
 
 
-def _wrong(value: Any, wanted: str, key: str, file: Path) -> CaseError:
+def _wrong(value: object, wanted: str, key: str, file: Path) -> CaseError:
     return CaseError(KEY, f"'{key}' in '{file}' is {short(value)}, not {wanted}", ANEW)
 
 
-def _require_finite(value: Any, key: str, file: Path) -> None:
+def _require_finite(value: object, key: str, file: Path) -> None:
     if isinstance(value, dict):
         for name, item in value.items():
             _require_finite(item, f"{key}.{name}" if key else name, file)
@@ -321,11 +324,7 @@ class SavedResult:
     def frame(self) -> ImageFrame | None:
         """The case's plane in the scanner's space, where the case has one."""
         said = self.record.get("frame")
-        if said is None:
-            return None
-        voxels = said["voxels"]
-        own = None if voxels is None else Voxels(**{k: _tuples(v) for k, v in voxels.items()})
-        return ImageFrame(**{k: _tuples(v) for k, v in said.items() if k != "voxels"}, voxels=own)
+        return None if said is None else filled(ImageFrame, said, "frame")
 
 
 def load_result(path: str | Path) -> SavedResult:
@@ -357,7 +356,7 @@ def load_result(path: str | Path) -> SavedResult:
     )
     try:
         _ = found.frame
-    except (CaseError, TypeError) as error:
+    except CaseError as error:
         raise CaseError(KEY, f"'frame' in '{file}' is none: {error}", ANEW) from None
     return found
 
@@ -398,7 +397,3 @@ def _snapshots(folder: Path, kind: str) -> tuple[tuple[float, Path], ...]:
             if VTU_END not in snapshot.read():
                 raise CaseError(KEY, f"'{file}' was cut", ANEW)
     return tuple(found)
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

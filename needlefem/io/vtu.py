@@ -6,9 +6,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from needlefem._arrays import Floats, Ints, Vector
 from needlefem.dynamics import KinematicState, Stepper, TissueSystem, kinetic_energy
@@ -53,11 +54,14 @@ NAMES = {
     ("hexahedron", 8): "hexahedron",
 }  # fmt: skip
 """meshio's names by shape and number of nodes."""
-NONE: Mapping[str, Any] = {}
+NONE: Mapping[str, NDArray[np.generic]] = {}
 
 
 def write_vtu(
-    path: Path, space: FunctionSpace, fields: Mapping[str, Floats], cells: Mapping[str, Any] = NONE
+    path: Path,
+    space: FunctionSpace,
+    fields: Mapping[str, Floats],
+    cells: Mapping[str, NDArray[np.generic]] = NONE,
 ) -> None:
     """Write fields on the undeformed mesh: of nodes, shape (nnodes,) or (nnodes, dim), of cells.
 
@@ -103,7 +107,7 @@ def _local(element: ElementType, order: Sequence[int]) -> tuple[str, Ints]:
     return NAMES[shape, len(places)], np.argmin(apart, axis=1)
 
 
-def _in_space(values: Floats) -> Floats:
+def _in_space(values: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return vectors of the plane with a third component of zero; scalars as they are."""
     if values.ndim == 2 and values.shape[1] == 2:
         return np.column_stack([values, np.zeros(len(values))])

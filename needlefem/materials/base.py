@@ -1,7 +1,7 @@
 """The interface of a constitutive law."""
 
 import dataclasses
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 from needlefem._arrays import Floats
 
@@ -26,7 +26,7 @@ class MaterialResponse:
     stress: Floats
     tangent: Floats
     energy: Floats
-    state: Any = None
+    state: object = None
 
 
 @runtime_checkable
@@ -42,7 +42,9 @@ class Material(Protocol):
         """Mass per volume, kg/m^3."""
         ...
 
-    def evaluate(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
+    def evaluate(
+        self, gradient: Floats, state: object = None, step: float = 0.0
+    ) -> MaterialResponse:
         """Return the response to a displacement gradient.
 
         Parameters

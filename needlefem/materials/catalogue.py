@@ -6,10 +6,10 @@ import typing
 from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module, resources
-from typing import Any
 
 from needlefem import _plugin
 from needlefem.errors import CaseError, matching, nearest, short
+from needlefem.materials.base import Material
 from needlefem.units import UNITS, parse_quantity
 from needlefem.validation import ParameterInfo, parameter_info, validate
 
@@ -18,13 +18,13 @@ NOTES = ("range", "source", "note")
 
 
 @cache
-def library() -> dict[str, dict[str, Any]]:
+def library() -> dict[str, dict[str, object]]:
     """Return all entries of the library ``tissues.toml``."""
     text = (resources.files("needlefem.materials") / "tissues.toml").read_text(encoding="utf-8")
     return tomllib.loads(text)
 
 
-def tissue_table(name: str, key: str) -> dict[str, Any]:
+def tissue_table(name: str, key: str) -> dict[str, object]:
     """Return the keys of a named tissue's law as they would be written in a case.
 
     Raises
@@ -44,8 +44,8 @@ def describe_tissues() -> str:
         values = [f"{key} = {value}" for key, value in entry.items() if key not in (*NOTES, "law")]
         source = entry.get("source") or "assumption"
         note = f" ({entry['note']})" if "note" in entry else ""
-        law = entry.get("law", "isotropic")
-        cells = [f"`{name}`", law, ", ".join(values), entry.get("range", ""), source + note]
+        law, bounds = str(entry.get("law", "isotropic")), str(entry.get("range", ""))
+        cells = [f"`{name}`", law, ", ".join(values), bounds, f"{source}{note}"]
         rows.append("| " + " | ".join(cells) + " |")
     return "\n".join(rows) + "\n"
 
@@ -105,7 +105,7 @@ RATIO = 0.3
 """Example value of constants of any other dimension."""
 
 
-def example(name: str, settings: Mapping[str, str], key: str = "--material") -> Any:
+def example(name: str, settings: Mapping[str, str], key: str = "--material") -> Material:
     """Return a law of the catalogue or of the user with example constants.
 
     Parameters
@@ -125,7 +125,7 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
     for wanted in settings:
         if wanted not in fields:
             raise CaseError(f"--set {wanted}", "unknown constant", nearest(wanted, fields))
-    values = {}
+    values: dict[str, float | tuple[float, ...]] = {}
     for field in fields.values():
         declared = parameter_info(field)
         if field.name in settings:
@@ -136,7 +136,7 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
             value = STAND_INS.get((declared and declared.dimension) or "", RATIO)
             values[field.name] = (value,) if typing.get_origin(field.type) is tuple else value
     try:
-        found = law(**values)
+        found: Material = law(**values)
         validate(found, "material")
     except CaseError as error:
         key = error.key.replace("material.", "--set ", 1)
@@ -144,7 +144,9 @@ def example(name: str, settings: Mapping[str, str], key: str = "--material") -> 
     return found
 
 
-def _given(text: str, declared: ParameterInfo | None, key: str, *, several: bool) -> Any:
+def _given(
+    text: str, declared: ParameterInfo | None, key: str, *, several: bool
+) -> float | tuple[float, ...]:
     parts = [part.strip() for part in text.strip("[]() ").split(",")]
     if declared is not None and declared.dimension in UNITS:
         values = tuple(parse_quantity(part, declared.dimension, key) for part in parts)

@@ -3,7 +3,6 @@
 import abc
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,9 @@ class LinearElastic(Validated, abc.ABC):
         """Return the Maxwell branches parallel to the spring of the compliance; none if elastic."""
         return ()
 
-    def evaluate(self, gradient: Floats, state: Any = None, step: float = 0.0) -> MaterialResponse:
+    def evaluate(
+        self, gradient: Floats, state: object = None, step: float = 0.0
+    ) -> MaterialResponse:
         """See `needlefem.materials.base.Material`.
 
         Raises
@@ -49,6 +50,8 @@ class LinearElastic(Validated, abc.ABC):
             )
         strain = voigt.strain(gradient)
         before = MaxwellState.virgin(strain, len(self.branches())) if state is None else state
+        if not isinstance(before, MaxwellState):
+            raise TypeError(f"{type(before).__name__} is no state of a linear law")
         after = before.advanced(strain, step, self.branches())
         stiffness, stress = parts.stiffness, strain @ parts.stiffness
         energy = 0.5 * np.sum(stress * strain, axis=-1)

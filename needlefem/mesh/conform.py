@@ -32,7 +32,7 @@ def uniformly_refined(mesh: SkfemMesh, contours: Sequence[Contour] = ()) -> Skfe
     if not contours:
         return finer
     owner = np.zeros(finer.nelements, dtype=np.intp)
-    for number, cells in enumerate(finer.subdomains.values()):
+    for number, cells in enumerate((finer.subdomains or {}).values()):
         owner[cells] = number
     one, other = finer.f2t
     between = finer.facets[:, (other >= 0) & (owner[one] != owner[other])]

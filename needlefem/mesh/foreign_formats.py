@@ -12,12 +12,15 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
 from needlefem.mesh.file import CellBlock, Contents, UnreadableMeshError, printable
+
+if TYPE_CHECKING:
+    import meshio
 
 SECONDS = 30.0
 SECONDS_PER_BYTE = 2e-5
@@ -59,6 +62,25 @@ SHAPES = {
 VOLUMES = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron", "VTK_LAGRANGE_T")
 
 
+class _Told(TypedDict, total=False):
+    """What a file says beside its arrays, or why it can't be read.
+
+    `types` are the kinds of the blocks of cells; `reference` is the name of the array of group
+    numbers, and `names` are groups by name, number and dimension; `families` are groups of
+    Salome by number; `own` are the arrays in which scikit-fem writes groups.
+    """
+
+    problem: str
+    remedy: str
+    types: list[str]
+    reference: str
+    own: list[str]
+    families: dict[str, list[str]]
+    names: list[tuple[str, int, int]]
+    cell_sets: list[str]
+    point_sets: list[str]
+
+
 def read_foreign(path: Path) -> Contents:
     """Read a mesh file in any format of meshio.
 
@@ -89,7 +111,7 @@ def read_foreign(path: Path) -> Contents:
     except (ValueError, OSError, EOFError):  # no or incomplete output: the reader crashed
         problem = f"its reader ended with status {ended.returncode}"
         raise UnreadableMeshError(problem, REMEDY) from None
-    told = json.loads(str(arrays["told"]))
+    told: _Told = json.loads(str(arrays["told"]))
     if "problem" in told:
         raise UnreadableMeshError(told["problem"], told["remedy"])
     return _contents(told, arrays)
@@ -107,8 +129,8 @@ def serve(path: str, memory: int) -> None:
     except (ImportError, OSError, ValueError):
         pass
     printed = io.StringIO()
-    arrays: dict[str, Any] = {}
-    told: dict[str, Any] = {}
+    arrays: dict[str, np.ndarray] = {}
+    told: _Told = {}
     try:
         with contextlib.redirect_stdout(printed):
             _read(path, told, arrays)
@@ -129,7 +151,8 @@ def serve(path: str, memory: int) -> None:
         arrays, told = {}, {"problem": text}
     if "problem" in told:
         told.setdefault("remedy", REMEDY)
-    np.savez(out, told=np.array(json.dumps(told)), **arrays)
+    content: dict[str, Any] = {"told": np.array(json.dumps(told)), **arrays}
+    np.savez(out, **content)  # a name could be that of an option, as NumPy's types see it
     out.close()
 
 
@@ -138,7 +161,7 @@ def _short(text: str) -> str:
     return text if len(text) <= 160 else text[:157] + "..."
 
 
-def _read(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _read(path: str, told: _Told, arrays: dict[str, np.ndarray]) -> None:
     """Fill `told` and `arrays` with the contents of the file; see `_contents` for their keys."""
     import meshio  # noqa: PLC0415
 
@@ -146,7 +169,8 @@ def _read(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
     name = Path(path).name.lower()
     if not any(name.endswith(ending) for ending in known):
         problem = f"'{Path(path).suffix}' is not the extension of a mesh file"
-        told.update(problem=problem, remedy="give Gmsh's .msh, .vtu, .inp or another of meshio's")
+        told["problem"] = problem
+        told["remedy"] = "give Gmsh's .msh, .vtu, .inp or another of meshio's"
         return
     found = meshio.read(path)
     arrays["points"] = np.asarray(found.points, dtype=float)
@@ -164,7 +188,7 @@ def _read(path: str, told: dict[str, Any], arrays: dict[str, Any]) -> None:
     _read_sets(found, told, arrays)
 
 
-def _read_scikit_fem(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _read_scikit_fem(found: "meshio.Mesh", told: _Told, arrays: dict[str, np.ndarray]) -> None:
     own = [name for name in found.cell_data if name.startswith(OWN_GROUPS)]
     told["own"] = [printable(name) for name in own]
     for number, kind in enumerate(told["types"]):
@@ -173,11 +197,11 @@ def _read_scikit_fem(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -
                 arrays[f"own{index},{number}"] = np.asarray(found.cell_data[name][number])
 
 
-def _read_sets(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -> None:
+def _read_sets(found: "meshio.Mesh", told: _Told, arrays: dict[str, np.ndarray]) -> None:
     families = getattr(found, "cell_tags", None) or {}
     told["families"] = {str(k): [printable(name) for name in v] for k, v in families.items()}
     told["names"] = [
-        [printable(str(name)), int(row[0]), int(row[1])]
+        (printable(str(name)), int(row[0]), int(row[1]))
         for name, row in found.field_data.items()
         if np.shape(row) == (2,)
     ]
@@ -191,7 +215,7 @@ def _read_sets(found: Any, told: dict[str, Any], arrays: dict[str, Any]) -> None
         arrays[f"nodes{index}"] = np.asarray(members, dtype=np.int64).ravel()
 
 
-def _contents(told: dict[str, Any], arrays: dict[str, Any]) -> Contents:
+def _contents(told: _Told, arrays: dict[str, np.ndarray]) -> Contents:
     """Return the contents of a file from the result of `_read`."""
     points = _in_space(arrays["points"])
     names = {(tag, dim): name for name, tag, dim in told["names"]}
@@ -235,8 +259,8 @@ def _names_of(
     number: int,
     dim: int,
     count: int,
-    told: dict[str, Any],
-    arrays: dict[str, Any],
+    told: _Told,
+    arrays: dict[str, np.ndarray],
     *,
     names: dict[tuple[int, int], str],
 ) -> dict[str, Ints]:
@@ -264,7 +288,7 @@ def _names_of(
     return {name: np.unique(np.concatenate(parts)) for name, parts in found.items()}
 
 
-def _facets_of_scikit_fem(told: dict[str, Any], arrays: dict[str, Any]) -> dict[str, Ints]:
+def _facets_of_scikit_fem(told: _Told, arrays: dict[str, np.ndarray]) -> dict[str, Ints]:
     """Return groups of edges in the encoding of scikit-fem: one bit of a cell per edge."""
     found: dict[str, list[Ints]] = {}
     for index, name in enumerate(told["own"]):

@@ -35,9 +35,11 @@ def box(
         start + length * np.arange(n + 1) / n
         for start, length, n in zip(origin, size, divisions, strict=True)
     ]
-    if pattern == "quadrilateral":
-        return MeshQuad.init_tensor(*ticks)
-    return _crossed(ticks) if pattern == "crossed" else MeshTri.init_tensor(*ticks)
+    if pattern == "crossed":
+        return _crossed(ticks)
+    kind = MeshQuad if pattern == "quadrilateral" else MeshTri
+    mesh: SkfemMesh = kind.init_tensor(*ticks)
+    return mesh
 
 
 def _crossed(ticks: list[Floats]) -> SkfemMesh:
@@ -50,7 +52,8 @@ def _crossed(ticks: list[Floats]) -> SkfemMesh:
     ring = [part.ravel() for part in ring]
     middle = nx * ny + np.arange((nx - 1) * (ny - 1))
     cells = [np.array([ring[i], ring[(i + 1) % 4], middle]) for i in range(4)]
-    return MeshTri(np.hstack([corners, centres]), np.hstack(cells).astype(np.int32))
+    mesh: SkfemMesh = MeshTri(np.hstack([corners, centres]), np.hstack(cells).astype(np.int32))
+    return mesh
 
 
 def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
@@ -66,7 +69,8 @@ def into_quadrilaterals(mesh: SkfemMesh) -> SkfemMesh:
     centre = mesh.nvertices + mesh.nfacets + np.arange(mesh.nelements)
     corners = [(0, 0, 2), (1, 1, 0), (2, 2, 1)]  # corner, the edge after it, the edge before it
     cells = [np.array([mesh.t[c], middle[a], centre, middle[b]]) for c, a, b in corners]
-    return MeshQuad(points, np.hstack(cells))
+    found: SkfemMesh = MeshQuad(points, np.hstack(cells))
+    return found
 
 
 def curved(mesh: SkfemMesh) -> SkfemMesh:
@@ -75,7 +79,8 @@ def curved(mesh: SkfemMesh) -> SkfemMesh:
     If these are moved to a curve, the edges become curved. Such meshes are for static problems; the
     search for points does not support them.
     """
-    return (MeshTri2 if is_simplicial(mesh) else MeshQuad2).from_mesh(mesh)
+    found: SkfemMesh = (MeshTri2 if is_simplicial(mesh) else MeshQuad2).from_mesh(mesh)
+    return found
 
 
 def cell_sizes(mesh: SkfemMesh) -> Floats:

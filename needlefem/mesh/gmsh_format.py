@@ -5,7 +5,7 @@ Each count is compared with the remaining size of the file before memory is allo
 """
 
 import dataclasses
-from typing import Any, NamedTuple, NoReturn
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 
@@ -56,7 +56,7 @@ class _Text:
         except ValueError as error:
             _refuse(f"section ${name} holds something that is not a number ({_told(error)})")
 
-    def table(self, rows: int, *columns: tuple[str, int]) -> list[Any]:
+    def table(self, rows: int, *columns: tuple[str, int]) -> list[np.ndarray]:
         """Return the next rows of columns, each (kind, width): "i" int, "s" size, "d" float."""
         width = sum(count for _, count in columns)
         left = len(self._values) - self._at
@@ -65,7 +65,7 @@ class _Text:
         end = self._at + rows * width
         values = self._values[self._at : end].reshape(rows, width)
         self._at = end
-        found: list[Any] = []
+        found: list[np.ndarray] = []
         for kind, count in columns:
             part, values = values[:, :count], values[:, count:]
             found.append(part if kind == "d" else _whole(part, self._name))
@@ -96,7 +96,7 @@ class _Binary:
         self._name, self._body, self._at = name, body, 0
         self._kinds = {"i": f"{order}i4", "s": f"{order}u{size}", "d": f"{order}f8"}
 
-    def table(self, rows: int, *columns: tuple[str, int]) -> list[Any]:
+    def table(self, rows: int, *columns: tuple[str, int]) -> list[np.ndarray]:
         """See `_Text.table`."""
         most = len(self._body)
         if not all(0 <= count <= most for count in (rows, *(count for _, count in columns))):

@@ -4,12 +4,12 @@ import csv
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 from scipy import ndimage
 
-from needlefem._arrays import Floats, Points, Vector
+from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem._toml import brief, quoted
 from needlefem.errors import CaseError, nearest
 from needlefem.geometry.contour import Contour
@@ -204,7 +204,8 @@ def _rings(
     from contourpy import contour_generator  # noqa: PLC0415  (only label maps need it)
 
     lines = contour_generator(y, z, values, fill_type="OuterOffset")
-    found: Any = lines.filled(level, float(values.max()) + 1.0)
+    filled = lines.filled(level, float(values.max()) + 1.0)
+    found = cast(tuple[list[Floats], list[Ints]], filled)  # by its type of filling
     contours, small, holes = [], 0, 0
     for polygon, offset in zip(*found, strict=True):
         outer = np.asarray(polygon[: offset[1]], dtype=float)

@@ -299,7 +299,8 @@ class _Contact:
         entries = weights.tocoo()
         columns = slots[entries.col // dim, entries.col % dim]
         shape = (entries.shape[0], responses.size)
-        return sparse.csr_array((entries.data, (entries.row, columns)), shape=shape)
+        found: Sparse = sparse.csr_array((entries.data, (entries.row, columns)), shape=shape)
+        return found
 
 
 def _on_own(insertion: Insertion, number: int) -> Sparse:
@@ -326,6 +327,6 @@ def _means(functionals: list[tuple[Ints, Floats]], nnodes: int) -> Sparse:
     """Return functionals, each given by nodes and weights, as rows over all nodes."""
     rows = np.repeat(np.arange(len(functionals)), [len(nodes) for nodes, _ in functionals])
     nodes, weights = (np.concatenate(parts) for parts in zip(*functionals, strict=True))
-    found = sparse.csr_array((weights, (rows, nodes)), shape=(len(functionals), nnodes))
+    found: Sparse = sparse.csr_array((weights, (rows, nodes)), shape=(len(functionals), nnodes))
     found.eliminate_zeros()
     return found

@@ -2,9 +2,9 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from needlefem._arrays import Vector
 from needlefem.checks.mesh_checks import overlaps
@@ -27,7 +27,7 @@ from needlefem.scene import Scene, point_of, vary
 
 def plan(
     scene: Scene,
-    target: Any = None,
+    target: ArrayLike | None = None,
     search: str | None = None,
     *,
     all_solutions: bool = False,

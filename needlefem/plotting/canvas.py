@@ -5,13 +5,12 @@ lateral offset upwards. Drawn objects can be moved, so that further pictures nee
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.needle.needle_interface import InsertionAxis
-from needlefem.plotting.images import Style, renderer
+from needlefem.plotting.images import Plotter, PolyData, Style, renderer
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 LAYER = 1e-3
@@ -38,7 +37,7 @@ class Canvas:
     style : Style
     """
 
-    def __init__(self, plotter: Any, axis: InsertionAxis, style: Style) -> None:
+    def __init__(self, plotter: Plotter, axis: InsertionAxis, style: Style) -> None:
         self.plotter, self.axis, self.style = plotter, axis, style
         self._pv = renderer()
         wide, high = plotter.renderer.GetSize()
@@ -67,19 +66,20 @@ class Canvas:
         found: Bools = self.axis.lateral_offset(middles)[:, 1] <= 0.0
         return found
 
-    def polygons(self, points: Points, corners: Ints) -> Any:
+    def polygons(self, points: Points, corners: Ints) -> PolyData:
         """Return polygons, corners of shape (n, k), as a PyVista mesh that can be moved."""
         faces = np.column_stack([np.full(len(corners), corners.shape[1]), corners]).ravel()
-        return self._pv.PolyData(self.screen(points), faces=faces)
+        found: PolyData = self._pv.PolyData(self.screen(points), faces=faces)
+        return found
 
-    def edges(self) -> dict[str, Any]:
+    def edges(self) -> dict[str, object]:
         """Return the drawing options of the edges of polygons."""
         width = self._thin * self.style.mesh_width
         return {"show_edges": True, "edge_color": self.style.mesh, "line_width": width}
 
-    def add(self, data: Any, **how: Any) -> Any:
+    def add(self, data: PolyData, **how: object) -> None:
         """Draw a PyVista mesh without shading."""
-        return self.plotter.add_mesh(
+        self.plotter.add_mesh(
             data, lighting=False, show_scalar_bar=False, reset_camera=False, render=False, **how
         )
 
@@ -93,22 +93,22 @@ class Canvas:
 
     def polyline(
         self, points: Points, colour: str, width: float, layer: float, *, closed: bool = False
-    ) -> Any:
+    ) -> PolyData:
         """Draw a line through points of the world, `width` pixels wide."""
         ring = np.vstack([points, points[:1]]) if closed else points
-        data = self._pv.lines_from_points(self.plane(ring, layer))
+        data: PolyData = self._pv.lines_from_points(self.plane(ring, layer))
         self.add(data, color=colour, line_width=self.width(width))
         return data
 
-    def contour(self, points: Points, colour: str | None = None) -> Any:
+    def contour(self, points: Points, colour: str | None = None) -> PolyData:
         """Draw a closed line through points of the world."""
         shown = colour or self.style.outline
         return self.polyline(points, shown, self.style.outline_width, 2, closed=True)
 
-    def polygon(self, corners: Points, colour: str, layer: float) -> Any:
+    def polygon(self, corners: Points, colour: str, layer: float) -> PolyData:
         """Fill a polygon with corners in the world."""
         at = self.plane(corners, layer)
-        data = self._pv.PolyData(at, faces=[len(at), *range(len(at))])
+        data: PolyData = self._pv.PolyData(at, faces=[len(at), *range(len(at))])
         self.add(data, color=colour)
         return data
 
@@ -125,7 +125,7 @@ class Canvas:
         neck, end = tip + 1.6 * radius * back, tip + length * back
         return np.array([tip, neck + side, end + side, end - side, neck - side])
 
-    def needle(self, tip: Vector, radius: float, length: float) -> Any:
+    def needle(self, tip: Vector, radius: float, length: float) -> list[PolyData]:
         """Draw the needle with a thin pale rim and its tip at a point in space."""
         rim = self.needle_corners(tip, 1.15 * radius, length)
         rim[0] = tip
@@ -138,7 +138,7 @@ class Canvas:
         corners: Floats = point + (0.5 * np.asarray(size) * SQUARE) @ frame
         return corners
 
-    def seed(self, point: Vector, size: float, colour: str | None = None) -> list[Any]:
+    def seed(self, point: Vector, size: float, colour: str | None = None) -> list[PolyData]:
         """Draw a seed as a square, `size` m wide."""
         rim = self.polygon(self._square(point, 1.35 * size), "white", 5)
         return [rim, self.polygon(self._square(point, size), colour or self.style.seed, 6)]
@@ -149,7 +149,7 @@ class Canvas:
             for arm in (np.array([0.5, 0.07]), np.array([0.07, 0.5])):
                 self.polygon(self._square(point, 2.0 * size * (arm + rim)), paint, layer)
 
-    def disc(self, point: Vector, size: float, colour: str, layer: float = 6) -> Any:
+    def disc(self, point: Vector, size: float, colour: str, layer: float = 6) -> PolyData:
         """Draw a disc, `size` m wide."""
         turn = 2.0 * np.pi * np.arange(32) / 32
         frame = np.stack([-self.axis.direction, self.axis.lateral_directions[0]])
@@ -157,7 +157,7 @@ class Canvas:
         self.polygon(point + (0.5 * size + 0.06 * size) * ring @ frame, "white", layer - 0.5)
         return self.polygon(point + 0.5 * size * ring @ frame, colour, layer)
 
-    def marker(self, shapes: Sequence[Any], home: Vector) -> "Marker":
+    def marker(self, shapes: Sequence[PolyData], home: Vector) -> "Marker":
         """Return shapes that were drawn at `home` as an object that can be moved."""
         return Marker(self, shapes, home)
 
@@ -165,7 +165,7 @@ class Canvas:
 class Marker:
     """Shapes that move together in the plane of the needle."""
 
-    def __init__(self, canvas: Canvas, shapes: Sequence[Any], home: Vector) -> None:
+    def __init__(self, canvas: Canvas, shapes: Sequence[PolyData], home: Vector) -> None:
         self._canvas, self._shapes = canvas, tuple(shapes)
         self._bases = [np.array(shape.points) for shape in shapes]
         self._home = canvas.plane(home, 0)[0]
@@ -187,7 +187,7 @@ class Strands:
         self._used, place = np.unique(numbers, return_inverse=True)
         count, size = numbers.shape
         lines = np.column_stack([np.full(count, size), place.reshape(count, size)]).ravel()
-        self._data = renderer().PolyData(self._at(points), lines=lines)
+        self._data: PolyData = renderer().PolyData(self._at(points), lines=lines)
 
     def _at(self, points: Points) -> Floats:
         return self._canvas.screen(points[self._used], self._layer)

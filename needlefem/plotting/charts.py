@@ -2,17 +2,37 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from needlefem._arrays import Floats, Ints
-from needlefem.plotting.images import Style, renderer
+from needlefem.plotting.images import Plotter, Style, renderer
 
 GLYPH = 0.6
 """Approximate width of a letter relative to the text size; long texts are drawn smaller."""
 CORNERS = 24
 """Corners of the polygon that represents a dot."""
+
+
+class _TextStyle(Protocol):
+    """A `pyvista.TextProperty`."""
+
+    color: str
+    justification_horizontal: str
+    justification_vertical: str
+    orientation: float
+    font_size: int
+
+
+class _TextActor(Protocol):
+    """A `pyvista.Text`."""
+
+    prop: _TextStyle
+    input: str
+    position: tuple[float, float]
+
+    def SetLayerNumber(self, number: int) -> None: ...  # noqa: N802  (VTK's name)
 
 
 class Sheet:
@@ -25,14 +45,14 @@ class Sheet:
     style : Style
     """
 
-    def __init__(self, plotter: Any, style: Style) -> None:
+    def __init__(self, plotter: Plotter, style: Style) -> None:
         self.plotter, self.style = plotter, style
         self.renderer = plotter.renderer
         self.wide, self.high = (float(n) for n in self.renderer.GetSize())
         least = float(style.smallest_text)
         self.text = max(style.text_size * min(self.high, 0.8 * self.wide), least)
         """Size of texts, pixels."""
-        self._texts: dict[str, Any] = {}
+        self._texts: dict[str, _TextActor] = {}
 
     def colour(self, name: str) -> Floats:
         """Return a colour as red, green, blue, 0 to 1."""
@@ -57,14 +77,12 @@ class Sheet:
         size = min(self.text, room / (GLYPH * max(len(text), 1)))
         actor = self._texts.get(name)
         if actor is None:
-            pv = renderer()
-            actor = pv.Text(text)
+            actor = self._texts[name] = renderer().Text(text)
             actor.prop.color = self.style.text
             actor.prop.justification_horizontal = justify
             actor.prop.justification_vertical = "bottom"
             actor.prop.orientation = 90.0 if upward else 0.0
             actor.SetLayerNumber(1)
-            self._texts[name] = actor
             self.renderer.add_actor(actor, reset_camera=False, render=False)
         actor.input = text
         actor.prop.font_size = max(round(size), 1)
@@ -185,7 +203,7 @@ class Chart(Sheet):
 
     def __init__(
         self,
-        plotter: Any,
+        plotter: Plotter,
         style: Style,
         *,
         title: str = "",

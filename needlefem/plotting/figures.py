@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -19,7 +18,7 @@ from needlefem.planning.reading import InsertionReader, ended_early
 from needlefem.planning.result import Plan
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.charts import Axis, Chart
-from needlefem.plotting.images import Style, renderer, save
+from needlefem.plotting.images import Plotter, Style, renderer, save
 from needlefem.plotting.panel import Panel, Window
 from needlefem.plotting.stages import draw_stages
 from needlefem.plotting.view import Body
@@ -174,7 +173,7 @@ def draw_setup(
 
 class _Setup:
     def __init__(
-        self, plotter: Any, simulation: Simulation, axis: InsertionAxis, style: Style
+        self, plotter: Plotter, simulation: Simulation, axis: InsertionAxis, style: Style
     ) -> None:
         self.simulation, self.axis, self.style = simulation, axis, style
         self.scene, self.mesh = simulation.scene, simulation.model.mesh
@@ -208,9 +207,10 @@ class _Setup:
         """Hatch supported faces on their outside."""
         spacing = self.span / TEETH
         middle = 0.5 * (self.low + self.high)
+        named = self.mesh.boundaries or {}
         for support in self.scene.supports.values():
             for face in support.faces:
-                facets = self.mesh.facets[:, self.mesh.boundaries[face]]
+                facets = self.mesh.facets[:, named[face]]
                 self._hatch(self.mesh.p.T[facets.T], spacing, middle)
 
     def _hatch(self, ends: Points, spacing: float, middle: Floats) -> None:

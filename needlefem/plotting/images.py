@@ -9,16 +9,18 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from functools import cache
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from needlefem._arrays import Floats
 from needlefem._progress import doing
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.io.result_folder import whole_file
@@ -34,7 +36,7 @@ _TRIAL = (
 
 
 @cache
-def renderer() -> Any:
+def renderer() -> ModuleType:
     """Return the pyvista module after a test that it can draw without a display.
 
     Raises
@@ -103,11 +105,103 @@ class Style:
     smallest_text: int = 9
 
 
-# Files of pictures and animations.
+# What the pictures use of PyVista, which is imported only when a picture is drawn.
 
 
 Image = NDArray[np.uint8]
 """Shape (height, width, 3)."""
+Place = tuple[float, float, float]
+
+
+class PolyData(Protocol):
+    """A mesh of PyVista: points, shape (n, 3), with values of points and of cells."""
+
+    points: Floats
+    active_texture_coordinates: Floats
+
+    @property
+    def point_data(self) -> MutableMapping[str, Floats]:
+        """Values by name, shape (npoints,)."""
+        ...
+
+    @property
+    def cell_data(self) -> MutableMapping[str, NDArray[np.generic]]:
+        """Values or colours by name, shape (ncells,) or (ncells, 3)."""
+        ...
+
+
+class Camera(Protocol):
+    """A `pyvista.Camera` with parallel projection."""
+
+    parallel_projection: bool
+    parallel_scale: float
+    focal_point: Place
+    position: Place
+    up: Place
+
+
+class PanelRenderer(Protocol):
+    """A `pyvista.Renderer`, which draws one panel of a plotter."""
+
+    def GetSize(self) -> tuple[int, int]:  # noqa: N802  (VTK's name)
+        """Return width and height, pixels."""
+        ...
+
+    def ResetCameraClippingRange(self) -> None:  # noqa: N802
+        """Show all objects, however far from the camera."""
+        ...
+
+    def AddViewProp(self, actor: object) -> None:  # noqa: N802
+        """Add an object of VTK."""
+        ...
+
+    def add_actor(self, actor: object, *, reset_camera: bool, render: bool) -> object:
+        """Add an object of PyVista."""
+        ...
+
+
+class Plotter(Protocol):
+    """A `pyvista.Plotter`."""
+
+    @property
+    def renderer(self) -> PanelRenderer:
+        """Renderer of the active panel."""
+        ...
+
+    @property
+    def camera(self) -> Camera:
+        """Camera of the active panel."""
+        ...
+
+    @property
+    def actors(self) -> Mapping[str, object]:
+        """Objects in the active panel, by name."""
+        ...
+
+    def subplot(self, row: int, column: int, /) -> None:
+        """Make a panel the active one."""
+        ...
+
+    def add_mesh(self, mesh: PolyData, /, **options: object) -> object:
+        """Draw a mesh in the active panel."""
+        ...
+
+    def render(self) -> None:
+        """Draw all panels."""
+        ...
+
+    def screenshot(self, filename: Path | None = None, *, return_img: bool = True) -> Image:
+        """Return the picture, and write it if there is a name."""
+        ...
+
+    def close(self) -> None:
+        """Free the window."""
+        ...
+
+
+# Files of pictures and animations.
+
+
 STILLS = (".png", ".webp", ".jpg")
 MOVING = (".gif", ".webp", ".mp4")
 UNSEEN = 5
@@ -116,7 +210,7 @@ QUALITY = 82
 """Quality of WebP and JPEG files."""
 
 
-def save(plotter: Any, path: Path) -> Path:
+def save(plotter: Plotter, path: Path) -> Path:
     """Save a plotter's picture in a file of one of the kinds `STILLS`, and close the plotter."""
     doing(f"drawing {path.name!a}")
     image = plotter.screenshot(return_img=True)
@@ -189,8 +283,8 @@ def _write_pillow(frames: Iterator[Image], path: Path, rate: float) -> None:
     from PIL import Image as Pillow  # noqa: PLC0415
 
     first = Pillow.fromarray(next(frames))
-    how: dict[str, Any] = {"quality": 60, "method": 4, "minimize_size": False}
-    rest: Iterator[Any] = (Pillow.fromarray(frame) for frame in frames)
+    how: dict[str, object] = {"quality": 60, "method": 4, "minimize_size": False}
+    rest: Iterator[Pillow.Image] = (Pillow.fromarray(frame) for frame in frames)
     if path.suffix == ".gif":
         first = first.quantize(128, dither=Pillow.Dither.NONE)
         rest = (image.quantize(palette=first, dither=Pillow.Dither.NONE) for image in rest)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import singledispatch
 from html import escape
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ SIZE = (800, 600)
 
 
 @singledispatch
-def html_of(result: Any) -> str:
+def html_of(result: object) -> str:
     """Return a table of the most important numbers of a result as HTML."""
     raise TypeError(f"{type(result).__name__} has no table")
 
@@ -107,7 +106,7 @@ def _table(title: str, rows: Mapping[str, str]) -> str:
     return f"<table><caption>{escape(title)}</caption>{cells}</table>"
 
 
-def png_of(result: Any) -> bytes | None:
+def png_of(result: object) -> bytes | None:
     """Return a picture as PNG: a scene before the simulation, an insertion, or a plan.
 
     The needle is shown at its last depth, in a plan at the release. The result is None if no

@@ -8,7 +8,6 @@ up is lateral.
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -20,7 +19,7 @@ from needlefem.fem.tissue_model import TissueModel
 from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.charts import Sheet
-from needlefem.plotting.images import Style, renderer
+from needlefem.plotting.images import Plotter, Style, renderer
 from needlefem.scene import Scene
 
 PIXEL = 0.15e-3
@@ -52,7 +51,7 @@ class Texture:
     grey: Ints
     note: str = ""
 
-    def image(self) -> Any:
+    def image(self) -> object:
         """Return the image as a PyVista texture."""
         rgb = np.repeat(self.grey.astype(np.uint8)[:, :, None], 3, axis=2)
         found = renderer().Texture(rgb)
@@ -184,7 +183,7 @@ class Panel(Sheet):
 
     def __init__(
         self,
-        plotter: Any,
+        plotter: Plotter,
         style: Style,
         *,
         lines: int = 1,

@@ -3,16 +3,24 @@
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from needlefem._arrays import Floats
 from needlefem.fem.recovery import CellFields
 from needlefem.insertion.result import Insertion
 from needlefem.io.result_folder import ours, result_folder, writing
 from needlefem.io.vtu import write_pvd, write_vtu
-from needlefem.plotting.images import Image, Style, renderer, save, save_moving, save_still
+from needlefem.plotting.images import (
+    Image,
+    Plotter,
+    Style,
+    renderer,
+    save,
+    save_moving,
+    save_still,
+)
 from needlefem.plotting.panel import Texture, read_texture, synthetic_ultrasound
 from needlefem.plotting.quantities import quantity, scale_of
 from needlefem.plotting.timeline import Frame, Timeline
@@ -46,7 +54,7 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
         _remove_older(folder)
         for number, moment in enumerate(film.moments(times)):
             file = folder / "insertion" / f"{number:0{DIGITS}d}.vtu"
-            cells = {
+            cells: dict[str, NDArray[np.generic]] = {
                 "largest_strain": values.largest_strain(moment.u),
                 "material": model.cell_materials.astype(np.int32),
             }
@@ -260,7 +268,8 @@ def _texture(film: Timeline, name: str) -> Texture:
     return synthetic_ultrasound(insertion.scene, insertion.model, insertion.axis)
 
 
-def _plotter(shot: RenderOptions, size: tuple[int, int], shape: tuple[int, int]) -> Any:
+def _plotter(shot: RenderOptions, size: tuple[int, int], shape: tuple[int, int]) -> Plotter:
     plotter = renderer().Plotter(off_screen=True, shape=shape, window_size=list(size), border=False)
     plotter.set_background(shot.style.background)
-    return plotter
+    found: Plotter = plotter
+    return found

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from needlefem.checks.reference_problem import Curve, Report, Shape, Verdict
 from needlefem.errors import NoRendererError
 from needlefem.io.result_folder import whole_file, write_json
 from needlefem.plotting.canvas import THINNEST
-from needlefem.plotting.images import renderer
+from needlefem.plotting.images import Plotter, renderer
 from needlefem.plotting.view import SurfaceMesh
 
 COLOURS = (
@@ -242,7 +241,7 @@ def write_report(folder: Path, reports: Sequence[Report], *, quick: bool) -> Pat
     return page
 
 
-def record(reports: Sequence[Report], *, quick: bool) -> dict[str, Any]:
+def record(reports: Sequence[Report], *, quick: bool) -> dict[str, object]:
     """Return the content of the page as a JSON object."""
     return {
         "packages": {name: version(name) for name in PACKAGES},
@@ -267,7 +266,7 @@ def record(reports: Sequence[Report], *, quick: bool) -> dict[str, Any]:
     }
 
 
-def _answer(verdict: Verdict) -> dict[str, Any]:
+def _answer(verdict: Verdict) -> dict[str, object]:
     return {
         **dataclasses.asdict(verdict.answer),
         "distance": verdict.answer.distance,
@@ -473,7 +472,7 @@ def _counted(numbers: Ints) -> Ints:
     return np.column_stack([np.full(len(numbers), numbers.shape[1]), numbers]).ravel()
 
 
-def _png(plotter: Any) -> str:
+def _png(plotter: Plotter) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "shape.png"
         plotter.screenshot(path)

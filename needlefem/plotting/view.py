@@ -1,7 +1,6 @@
 """Views of an insertion: visible faces and edges of the mesh, moved by displacements."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 
@@ -10,8 +9,8 @@ from needlefem.elements.shape_functions import ShapeTable, shape_table
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.recovery import CellFields
 from needlefem.mesh.generation import BACKGROUND
-from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.images import Style, renderer
+from needlefem.plotting.canvas import Canvas, Strands
+from needlefem.plotting.images import Plotter, PolyData, Style, renderer
 from needlefem.plotting.panel import Panel, Scale, Texture, Window
 from needlefem.plotting.quantities import FieldQuantity
 from needlefem.plotting.timeline import Frame, Timeline
@@ -196,13 +195,13 @@ class Body:
         if space.dim == 2:
             self._strands.append(self._lines(self.surface.outline, SKIN_LAYER))
 
-    def _lines(self, numbers: Ints, layer: float) -> Any:
+    def _lines(self, numbers: Ints, layer: float) -> Strands:
         style, skin = self.canvas.style, layer == SKIN_LAYER
         width = style.outline_width if skin else style.mesh_width
         lines = self.canvas.strands(self.surface.rest, numbers, layer, width)
         return lines.draw(style.outline if skin else style.mesh, closed=skin)
 
-    def draw(self, *, edges: bool = True, **how: Any) -> None:
+    def draw(self, *, edges: bool = True, **how: object) -> None:
         """Draw the faces with options of PyVista."""
         straight = self.surface.parts == 1
         if edges and not straight:
@@ -213,10 +212,11 @@ class Body:
     def draw_regions(self) -> None:
         """Draw the faces in the colours of their regions."""
         mesh, palette = self.space.mesh, self.canvas.style.tissue
-        names = [BACKGROUND, *sorted(set(mesh.subdomains) - {BACKGROUND})]
+        regions = mesh.subdomains or {}
+        names = [BACKGROUND, *sorted(set(regions) - {BACKGROUND})]
         owner = np.zeros(mesh.nelements, dtype=np.intp)
         for number, name in enumerate(names):
-            owner[mesh.subdomains[name]] = number
+            owner[regions[name]] = number
         colours = np.array([renderer().Color(c).int_rgb for c in palette], dtype=np.uint8)
         self.data.cell_data["colours"] = colours[owner[self.surface.cells] % len(palette)]
         self.draw(scalars="colours", rgb=True)
@@ -340,7 +340,7 @@ class View:
 
     def __init__(
         self,
-        plotter: Any,
+        plotter: Plotter,
         film: Timeline,
         look: ViewOptions,
         title: str,
@@ -358,7 +358,7 @@ class View:
             self.panel.note(look.note)
         self.show(film.undeformed())
 
-    def _draw_path(self) -> Any:
+    def _draw_path(self) -> PolyData:
         """Draw the whole path as a line; points that are not cut yet lie at the entry."""
         entry = self.film.insertion.axis.entry
         self._path_size = max(len(self.film.moments([np.inf])[0].path), 2)

@@ -4,9 +4,9 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from needlefem.errors import CaseError, nearest, short
 from needlefem.fem.tissue_model import Support
@@ -338,7 +338,7 @@ class Scene(Validated):
     expect: tuple[Expectation, ...] = ()
     frame: ImageFrame | None = None
     source: Path | None = None
-    overrides: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    overrides: Mapping[str, object] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Convert and check; messages name the keys of a case file."""
@@ -406,7 +406,7 @@ class Scene(Validated):
                 raise CaseError(key, f"{len(values)} numbers", remedy)
 
 
-def point_of(raw: Any, dim: int, key: str) -> Coordinates:
+def point_of(raw: object, dim: int, key: str) -> Coordinates:
     """Return a point of a scene, m, from an array, a list or a tuple.
 
     Raises
@@ -447,7 +447,7 @@ def _known(key: str, what: str, name: str, known: Iterable[str]) -> None:
         raise CaseError(key, f"no {what} {short(name)}", nearest(name, known))
 
 
-def _contour(raw: Any, key: str) -> Contour:
+def _contour(raw: Contour | ArrayLike, key: str) -> Contour:
     """Return corners as a contour; one that is a contour as it is.
 
     Raises
@@ -456,7 +456,7 @@ def _contour(raw: Any, key: str) -> Contour:
         Not finite numbers, two for each corner.
     """
     try:
-        found = raw if isinstance(raw, Contour) else Contour(raw)
+        found = raw if isinstance(raw, Contour) else Contour(np.array(raw, dtype=float))
         shape = found.points.shape
         fits = len(shape) == 2 and shape[1] == 2 and bool(np.isfinite(found.points).all())
     except (TypeError, ValueError):

@@ -3,7 +3,7 @@
 import dataclasses
 import warnings
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from needlefem._toml import key_parts
 from needlefem.errors import CaseError, nearest, short
@@ -11,14 +11,18 @@ from needlefem.scene.schema import KEYS, Scene
 from needlefem.scene.version_1 import OldWord, renewed_case, renewed_path, report
 from needlefem.validation import dotted, made
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
 ALIASES = {key: name for name, key in KEYS.items()} | {"background": "default_material"}
 """Keys of a case file, or of version 1, for fields of a scene."""
 SPELLINGS = {"discretisation": "discretization"}
 """Sections in another spelling."""
 _KEPT = object()
+D = TypeVar("D", bound="DataclassInstance")
 
 
-def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
+def vary(scene: Scene, changes: Mapping[str, object]) -> Scene:
     """Return the scene with fields replaced; all are replaced at once, then checked.
 
     Parameters
@@ -42,19 +46,18 @@ def vary(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         tree.add(path, renewed_case(value, old, tuple(path)))
     if old:
         warnings.warn(report(old, "vary"), FutureWarning, stacklevel=2)
-    varied: Scene = tree.applied(scene, "")
-    return varied
+    return _replaced(scene, tree.fields_of(scene, ""), "") if tree.below else scene
 
 
 def field_of(scene: Scene, name: str) -> Any:
     """Return a field of a scene by its dotted name, the one that `vary` would change."""
-    value: Any = scene
+    value: object = scene
     for i, part in enumerate(path := _path(name)):
         value = _part(value, part, ".".join(path[: i + 1]))
     return value
 
 
-def contour_sizes(scene: Scene, factor: float) -> dict[str, Any]:
+def contour_sizes(scene: Scene, factor: float) -> dict[str, object]:
     """Return the changes that multiply the element sizes along all contours, for `vary`.
 
     Those of the regions' own go with the one of the mesh. The scene's mesh is a box.
@@ -67,7 +70,7 @@ def contour_sizes(scene: Scene, factor: float) -> dict[str, Any]:
     return {"mesh.refine.contour_size": factor * size, "regions": regions}
 
 
-def one_contour_size(scene: Scene, size: float) -> dict[str, Any]:
+def one_contour_size(scene: Scene, size: float) -> dict[str, object]:
     """Return the changes that give all contours one element size (m), for `vary`."""
     return contour_sizes(scene, 0.0) | {"mesh.refine.contour_size": size}
 
@@ -86,14 +89,14 @@ def canonical(name: str, old: list[OldWord] | None = None) -> str:
     return name
 
 
-def _path(name: Any, old: list[OldWord] | None = None) -> list[str]:
+def _path(name: object, old: list[OldWord] | None = None) -> list[str]:
     if not isinstance(name, str):
         raise CaseError("vary", f"{short(name)} is not a name", "give {'needle.tip_radius': 1e-3}")
     name, quotes = canonical(name, old), '"' in name
     return key_parts(name) if quotes else name.split(".")
 
 
-def _part(node: Any, name: str, key: str) -> Any:
+def _part(node: object, name: str, key: str) -> object:
     """Return an entry of a mapping or a field of a dataclass."""
     if isinstance(node, Mapping):
         if name not in node:
@@ -112,27 +115,39 @@ class _Change:
     """What becomes of a node: another value, or changes below it, or both in this order."""
 
     def __init__(self) -> None:
-        self.value: Any = _KEPT
+        self.value: object = _KEPT
         self.below: dict[str, _Change] = {}
 
-    def add(self, path: list[str], value: Any) -> None:
+    def add(self, path: list[str], value: object) -> None:
         """Note the value of what a path leads to."""
         if path:
             self.below.setdefault(path[0], _Change()).add(path[1:], value)
         else:
             self.value, self.below = value, {}
 
-    def applied(self, node: Any, key: str) -> Any:
+    def applied(self, node: object, key: str) -> object:
         """Return a node as changed."""
         node = node if self.value is _KEPT else self.value
         if not self.below:
             return node
+        found = self.fields_of(node, key)
+        if isinstance(node, Mapping):
+            return {**node, **found}
+        assert dataclasses.is_dataclass(node)  # `_part` refuses anything else
+        assert not isinstance(node, type)
+        return _replaced(node, found, key)
+
+    def fields_of(self, node: object, key: str) -> dict[str, object]:
+        """Return the entries or fields of a node that change, as changed."""
         found = {}
         for name, change in self.below.items():
             inner = dotted(key, name)
             new = isinstance(node, Mapping) and change.value is not _KEPT
             found[name] = change.applied(None if new else _part(node, name, inner), inner)
-        if isinstance(node, Mapping):
-            return {**node, **found}
-        own = getattr(type(node), "TABLE", "")
-        return made(lambda: dataclasses.replace(node, **found), own, key)
+        return found
+
+
+def _replaced(node: D, changes: Mapping[str, object], key: str) -> D:
+    """Return an instance of a dataclass with other fields; `key` names it in messages."""
+    own = getattr(type(node), "TABLE", "")
+    return made(lambda: dataclasses.replace(node, **changes), own, key)

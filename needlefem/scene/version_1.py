@@ -7,7 +7,7 @@ a case file.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, overload
 
 from needlefem.errors import CaseError
 
@@ -109,7 +109,17 @@ class OldWord(NamedTuple):
         return f"{self.key} = '{self.old}' is now '{self.new}'"
 
 
-def renewed_case(node: Any, found: list[OldWord], path: KeyPath = ()) -> Any:
+@overload
+def renewed_case(
+    node: dict[str, object], found: list[OldWord], path: KeyPath = ()
+) -> dict[str, object]: ...
+
+
+@overload
+def renewed_case(node: object, found: list[OldWord], path: KeyPath = ()) -> object: ...
+
+
+def renewed_case(node: object, found: list[OldWord], path: KeyPath = ()) -> object:
     """Return the tables of a case with the words of version 2.
 
     Parameters
@@ -125,11 +135,12 @@ def renewed_case(node: Any, found: list[OldWord], path: KeyPath = ()) -> Any:
     CaseError
         A table has a key in both versions.
     """
-    if type(node) in (list, tuple):
-        return type(node)(renewed_case(item, found, (*path, str(i))) for i, item in enumerate(node))
+    if type(node) is list or type(node) is tuple:
+        items = [renewed_case(item, found, (*path, str(i))) for i, item in enumerate(node)]
+        return items if type(node) is list else tuple(items)
     if not isinstance(node, dict):
         return renewed_value(node, found, path)
-    table: dict[str, Any] = {}
+    table: dict[str, object] = {}
     for key, value in node.items():
         name = _renamed(CASE_KEYS, (*path, str(key)), found)
         name = key if name == str(key) else name
@@ -145,7 +156,7 @@ def renewed_path(path: Sequence[str], found: list[OldWord]) -> list[str]:
     return _all_renamed(CASE_KEYS, path, found)
 
 
-def renewed_value(value: Any, found: list[OldWord], path: Sequence[str]) -> Any:
+def renewed_value(value: object, found: list[OldWord], path: Sequence[str]) -> object:
     """Return the value of a key in the words of version 2."""
     if not isinstance(value, str):
         return value
@@ -196,7 +207,7 @@ def report(found: Sequence[OldWord], where: str) -> str:
     return f"{where}: words of schema version 1: {'; '.join(shown[:3])}{rest}"
 
 
-def with_old_keys(record: Mapping[str, Any], kind: str) -> dict[str, Any]:
+def with_old_keys(record: Mapping[str, object], kind: str) -> dict[str, object]:
     """Return the record of a result with the keys of version 1 beside those of version 2.
 
     Parameters
@@ -206,19 +217,24 @@ def with_old_keys(record: Mapping[str, Any], kind: str) -> dict[str, Any]:
     kind : str
         ``run`` or ``plan``.
     """
-    found: dict[str, Any] = {"schema": 2} | _added(record, (), RESULT_KEYS[kind])
-    if kind == "run":
+    found = {"schema": 2} | _with_old_keys(record, (), RESULT_KEYS[kind])
+    phases = record.get("tip_phase")
+    if isinstance(phases, list):
         old = {new: word for word, new in PHASES.items()}
-        found["tip"] = [old.get(phase, phase) for phase in record["tip_phase"]]
-        found["jumping"] = [phase == "rupture" for phase in record["tip_phase"]]
+        found["tip"] = [old.get(phase, phase) for phase in phases]
+        found["jumping"] = [phase == "rupture" for phase in phases]
     return found
 
 
-def _added(node: Any, path: KeyPath, keys: Mapping[KeyPath, str]) -> Any:
+def _added(node: object, path: KeyPath, keys: Mapping[KeyPath, str]) -> object:
     if isinstance(node, list | tuple):
         return [_added(item, (*path, ANY), keys) for item in node]
-    if not isinstance(node, Mapping):
-        return node
+    return _with_old_keys(node, path, keys) if isinstance(node, Mapping) else node
+
+
+def _with_old_keys(
+    node: Mapping[str, object], path: KeyPath, keys: Mapping[KeyPath, str]
+) -> dict[str, object]:
     table = {key: _added(value, (*path, str(key)), keys) for key, value in node.items()}
     for old, new in keys.items():
         if old[:-1] == path and new in table:
@@ -226,11 +242,11 @@ def _added(node: Any, path: KeyPath, keys: Mapping[KeyPath, str]) -> Any:
     return table
 
 
-def renewed_record(record: dict[str, Any], kind: str) -> dict[str, Any]:
+def renewed_record(record: dict[str, object], kind: str) -> dict[str, object]:
     """Return the record of a result of version 1 or 2 in the words of version 2."""
     if record.get("schema") is not None or kind not in RESULT_KEYS:
         return record
-    found: dict[str, Any] = _replaced(record, (), RESULT_KEYS[kind])
+    found = _with_new_keys(record, (), RESULT_KEYS[kind])
     if kind == "run":
         for key, words in (("tip_phase", PHASES), ("events", EVENTS)):
             items = found.get(key)
@@ -242,11 +258,15 @@ def renewed_record(record: dict[str, Any], kind: str) -> dict[str, Any]:
     return found
 
 
-def _replaced(node: Any, path: KeyPath, keys: Mapping[KeyPath, str]) -> Any:
+def _replaced(node: object, path: KeyPath, keys: Mapping[KeyPath, str]) -> object:
     if isinstance(node, list):
         return [_replaced(item, (*path, ANY), keys) for item in node]
-    if not isinstance(node, Mapping):
-        return node
+    return _with_new_keys(node, path, keys) if isinstance(node, Mapping) else node
+
+
+def _with_new_keys(
+    node: Mapping[str, object], path: KeyPath, keys: Mapping[KeyPath, str]
+) -> dict[str, object]:
     table = {}
     for key, value in node.items():
         name = keys.get((*path, key), key)
@@ -254,7 +274,7 @@ def _replaced(node: Any, path: KeyPath, keys: Mapping[KeyPath, str]) -> Any:
     return table
 
 
-def _reworded(item: Any, words: Mapping[str, str]) -> Any:
+def _reworded(item: object, words: Mapping[str, str]) -> object:
     if isinstance(item, dict) and isinstance(item.get("kind"), str):
         return item | {"kind": words.get(item["kind"], item["kind"])}
     return words.get(item, item) if isinstance(item, str) else item

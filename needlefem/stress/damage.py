@@ -4,7 +4,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +36,7 @@ NUMBERS = (
     0, -1, 1, 2, 3, 10**6, 10**12, 10**30, -(10**30), 2**31, 2**63, 0.0, -0.0, 1e-300, 1e300,
     -1e300, 0.5, 1e-6, float("nan"), float("inf"), float("-inf"), True, False,
 )  # fmt: skip
-SHAPES: tuple[Any, ...] = (
+SHAPES: tuple[object, ...] = (
     [], {}, [[]], [{}], [1, 2], ["1 cm", "2 cm"], ["1 cm"], ["a", 1, True], [[1, 2], [3, 4]],
     {"x": 1}, [0.0, 0.0], [float("nan"), 1.0], ["1 cm", "2 cm", "3 cm"], [5000, 5000],
     ["y_min"] * 9, [1] * 1000, {"file": "mesh.msh", "unit": "1 mm"},
@@ -289,21 +289,21 @@ def _tree(random: Random, file: Path) -> str:
     return said
 
 
-def json_copy(value: Any) -> Any:
+def json_copy(value: object) -> object:
     """Return a copy of a tree."""
     if isinstance(value, dict):
         return {key: json_copy(item) for key, item in value.items()}
     return [json_copy(item) for item in value] if isinstance(value, list) else value
 
 
-def _short(value: Any) -> str:
+def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) < 60 else f"{text[:50]}... ({len(text)} characters)"
 
 
-def _places(node: Any, path: str = "") -> Any:
+def _places(node: object, path: str = "") -> Iterator[tuple[Any, Any, str]]:
     """Yield (parent, key, dotted path) of the values in a tree; of long lists only a part."""
-    items: Any = ()
+    items: Iterable[tuple[object, object]] = ()
     if isinstance(node, Mapping):
         items = node.items()
     elif isinstance(node, list):
@@ -314,7 +314,7 @@ def _places(node: Any, path: str = "") -> Any:
         yield from _places(value, own)
 
 
-def _value(random: Random, path: str) -> Any:
+def _value(random: Random, path: str) -> object:
     """Return a value of a wrong type, or a wrong value of the correct type."""
     names_file = path.rpartition(".")[2] in ("contour", "file", "source", "folder")
     kind = str(random.choice(["text", "number", "shape", "path"], p=[0.4, 0.3, 0.2, 0.1]))

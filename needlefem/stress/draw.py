@@ -5,7 +5,6 @@ tissue, and then turned: by quarter turns for a box, by any angle for a mesh fro
 """
 
 import itertools
-from typing import Any
 
 import numpy as np
 
@@ -13,8 +12,11 @@ from needlefem._arrays import Floats, Points
 from needlefem.elements import CATALOGUE
 from needlefem.stress.drawncase import (
     MESH_UNIT,
+    CaseTables,
     DrawnCase,
+    DrawnMesh,
     DrawnQuantity,
+    Section,
     draw_grid,
     draw_law,
     draw_motion,
@@ -64,7 +66,7 @@ class _Draw:
     def __init__(self, random: Random) -> None:
         self.random = random
         self.kinds: dict[str, str] = {}
-        self.data: dict[str, Any] = {"schema_version": 2, "title": "random", "axes": ["y", "z"]}
+        self.data: CaseTables = {"schema_version": 2, "title": "random", "axes": ["y", "z"]}
         self.contours: dict[str, Points] = {}
 
     def kind(self, aspect: str, options: dict[str, float]) -> str:
@@ -190,7 +192,7 @@ class _Draw:
             data["materials"][name] = draw_law(
                 random, other, contrast * self.modulus, self.limit, duration
             )
-            region: dict[str, Any] = {"material": name}
+            region: Section = {"material": name}
             if self.grid.from_file and random.random() < 0.6:
                 region["group"] = name
             else:
@@ -212,7 +214,7 @@ class _Draw:
         if random.random() < 0.08:
             friction = 0.0
         stiffness = self.modulus / self.radius
-        needle: dict[str, Any] = {
+        needle: Section = {
             "tip_radius": length(self.radius),
             "cutting_force": DrawnQuantity(force, "force per length"),
             "shaft_friction": DrawnQuantity(friction, "pressure"),
@@ -260,7 +262,7 @@ class _Draw:
 
     def _motion(self, command: str) -> None:
         random, data = self.random, self.data
-        motion: dict[str, Any] = {
+        motion: Section = {
             "direction": [float(x) for x in self.turn @ self.direction],
             "max_depth": length(self.depth),
             "speed": DrawnQuantity(self.speed, "speed"),
@@ -284,7 +286,7 @@ class _Draw:
         kind = self.kind("motion", kinds | {"train": 0.1, "table": 0.1})
         motion |= draw_motion(random, kind, self.depth, self.speed)
 
-    def _mesh(self) -> Any:
+    def _mesh(self) -> DrawnMesh | None:
         random, grid, data = self.random, self.grid, self.data
         if grid.from_file:
             kind = self.kind("file", {"gmsh41": 0.4, "gmsh22": 0.3, "gmsh22-binary": 0.3})
@@ -346,7 +348,7 @@ class _Draw:
             "far and a side": ["far", str(random.choice(["left", "right"]))],
             "rollers": ["far"],
         }[kind]
-        supports: dict[str, Any] = {"held": {"faces": [faces[face] for face in held]}}
+        supports: dict[str, Section] = {"held": {"faces": [faces[face] for face in held]}}
         if kind == "rollers":
             across = "y" if abs(self.turn[0, 0]) > 0.5 else "z"
             sides = [faces["left"], faces["right"]]

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -16,9 +16,37 @@ LEAST_EIGENVALUE = 0.02
 """Smallest eigenvalue of the compliance relative to the largest; far from the stability limit."""
 
 
+Section = dict[str, object]
+"""A table of a case; its values are those of TOML, and `DrawnQuantity`."""
+_Constant = float | tuple[float, float]
+
+
+class CaseTables(TypedDict, total=False):
+    """The tables of a case file."""
+
+    schema_version: int
+    title: str
+    axes: list[str]
+    mesh: Section
+    tissue: Section
+    materials: dict[str, Section]
+    regions: dict[str, Section]
+    supports: dict[str, Section]
+    obstacles: dict[str, Section]
+    damping: Section
+    discretization: Section
+    needle: Section
+    motion: Section
+    target: Section
+    planning: Section
+    targets: Section
+    outputs: Section
+    expect: list[Section]
+
+
 def draw_law(
     random: np.random.Generator, law: str, modulus: float, limit: float, duration: float
-) -> dict[str, Any]:
+) -> Section:
     """Return the table of a random material.
 
     Parameters
@@ -36,20 +64,22 @@ def draw_law(
     if law in ("transversely-isotropic", "orthotropic"):
         while True:
             drawn = _transverse(random) if law.startswith("transversely") else _orthotropic(random)
-            plain = {key: modulus * x if key in _PRESSURES else x for key, x in drawn.items()}
+            plain = {
+                key: modulus * x if isinstance(x, float) and key in _PRESSURES else x
+                for key, x in drawn.items()
+            }
             try:
                 values = np.linalg.eigvalsh(law_class(law, "materials")(**plain).compliance())
             except CaseError:  # the constants violate the stability of the law
                 continue
             if values[0] > LEAST_EIGENVALUE * values[-1]:
                 break
-        written = {
-            key: DrawnQuantity(float(value), "pressure") if key in _PRESSURES else value
-            for key, value in plain.items()
+        return {
+            "law": law,
+            **{key: _written(key, value) for key, value in plain.items()},
+            "density": DrawnQuantity(1000.0, "density"),
         }
-        written["density"] = DrawnQuantity(1000.0, "density")
-        return {"law": law, **{key: _listed(value) for key, value in written.items()}}
-    found: dict[str, Any] = {
+    found: Section = {
         "law": law,
         "youngs_modulus": DrawnQuantity(modulus, "pressure"),
         "poissons_ratio": _ratio(random, limit),
@@ -76,7 +106,7 @@ _PRESSURES = (
 )  # fmt: skip
 
 
-def _transverse(random: np.random.Generator) -> dict[str, Any]:
+def _transverse(random: np.random.Generator) -> dict[str, _Constant]:
     return {
         "modulus_along": random.uniform(1.2, 5.0),
         "modulus_across": 1.0,
@@ -87,9 +117,9 @@ def _transverse(random: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _orthotropic(random: np.random.Generator) -> dict[str, Any]:
+def _orthotropic(random: np.random.Generator) -> dict[str, _Constant]:
     angle = random.uniform(0.0, 2.0 * np.pi)
-    found: dict[str, Any] = {f"modulus_{i}": random.uniform(0.6, 3.0) for i in (1, 2, 3)}
+    found: dict[str, _Constant] = {f"modulus_{i}": random.uniform(0.6, 3.0) for i in (1, 2, 3)}
     found |= {f"ratio_{ij}": float(random.uniform(0.1, 0.4)) for ij in ("12", "13", "23")}
     found |= {f"shear_{ij}": random.uniform(0.25, 0.8) for ij in ("23", "13", "12")}
     return found | {"axis_1": _direction(angle), "axis_2": _direction(angle + 0.5 * np.pi)}
@@ -99,10 +129,11 @@ def _direction(angle: float) -> tuple[float, float]:
     return float(np.cos(angle)), float(np.sin(angle))
 
 
-def _listed(value: Any) -> Any:
-    return (
-        list(value) if isinstance(value, tuple) and not isinstance(value, DrawnQuantity) else value
-    )
+def _written(key: str, value: _Constant) -> object:
+    """Return a constant as it stands in a case."""
+    if isinstance(value, tuple):
+        return list(value)
+    return DrawnQuantity(float(value), "pressure") if key in _PRESSURES else value
 
 
 # Random meshes: boxes with divisions, and graded grids that are written as files.
@@ -221,9 +252,7 @@ def _bulge(random: np.random.Generator, points: Points, grid: Grid) -> Points:
 # Random motions of the needle, and random parameters of time integration.
 
 
-def draw_motion(
-    random: np.random.Generator, kind: str, depth: float, speed: float
-) -> dict[str, Any]:
+def draw_motion(random: np.random.Generator, kind: str, depth: float, speed: float) -> Section:
     """Return the keys of [motion] for a kind of motion; a single insertion needs none.
 
     Parameters
@@ -240,7 +269,7 @@ def draw_motion(
     duration = depth / speed
     if kind == "table":
         return _table(random, depth, duration)
-    stages: list[dict[str, Any]] = [{"depth": _length(depth)}]
+    stages: list[Section] = [{"depth": _length(depth)}]
     if random.random() < 0.5:
         stages[0]["speed"] = DrawnQuantity(speed * float(random.uniform(0.5, 1.0)), "speed")
     if kind == "release":
@@ -264,7 +293,7 @@ def draw_motion(
     return {"stages": stages}
 
 
-def _table(random: np.random.Generator, depth: float, duration: float) -> dict[str, Any]:
+def _table(random: np.random.Generator, depth: float, duration: float) -> Section:
     count = int(random.integers(2, 6))
     depths = random.uniform(-0.05, 0.95, count) * depth
     depths[0] = random.uniform(0.4, 1.0) * depth
@@ -281,7 +310,7 @@ def _length(value: float) -> "DrawnQuantity":
 
 
 def draw_time(
-    random: np.random.Generator, data: dict[str, Any], integrator: str, duration: float
+    random: np.random.Generator, data: CaseTables, integrator: str, duration: float
 ) -> None:
     """Set parameters of an integrator with inertia, and damping."""
     found = data["discretization"]
@@ -389,7 +418,7 @@ class DrawnCase:
         Symmetry that is checked; empty for none.
     """
 
-    data: Mapping[str, Any]
+    data: Mapping[str, object]
     contours: Mapping[str, Points]
     mesh: DrawnMesh | None
     kinds: Mapping[str, str]
@@ -404,11 +433,12 @@ MESH_UNIT = 1e-3
 def in_units(case: DrawnCase, units: Units) -> DrawnCase:
     """Return the case with scaled lengths, forces and times."""
     contours = {name: units.length * points for name, points in case.contours.items()}
-    scaled = _walked(case.data, units.of)  # including the unit of the mesh file
+    # including the unit of the mesh file
+    scaled = {key: _walked(value, units.of) for key, value in case.data.items()}
     return dataclasses.replace(case, data=scaled, contours=contours)
 
 
-def _walked(node: Any, of: Callable[[DrawnQuantity], DrawnQuantity]) -> Any:
+def _walked(node: object, of: Callable[[DrawnQuantity], DrawnQuantity]) -> object:
     if isinstance(node, DrawnQuantity):
         return of(node)
     if isinstance(node, Mapping):
@@ -418,30 +448,31 @@ def _walked(node: Any, of: Callable[[DrawnQuantity], DrawnQuantity]) -> Any:
     return node
 
 
-def toml_lines(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+def toml_lines(table: Mapping[str, object], prefix: str = "") -> Iterator[str]:
     """Yield the lines of a TOML file for a tree with `DrawnQuantity` leaves."""
-    deeper = []
+    deeper: list[tuple[str, Mapping[str, object] | list[Mapping[str, object]]]] = []
     for key, value in table.items():
         bare = key.isascii() and key.replace("-", "").replace("_", "").isalnum()
         name = key if bare else json.dumps(key, ensure_ascii=False)
-        tables = isinstance(value, list) and all(isinstance(item, Mapping) for item in value)
-        if isinstance(value, Mapping) or (tables and value):
+        if isinstance(value, Mapping) or (
+            isinstance(value, list) and value and all(isinstance(item, Mapping) for item in value)
+        ):
             deeper.append((prefix + name, value))
         else:
             yield f"{name} = {_toml(value)}"
-    for name, value in deeper:
-        if isinstance(value, Mapping):
+    for name, inner in deeper:
+        if isinstance(inner, Mapping):
             yield ""
             yield f"[{name}]"
-            yield from toml_lines(value, f"{name}.")
+            yield from toml_lines(inner, f"{name}.")
         else:
-            for item in value:
+            for item in inner:
                 yield ""
                 yield f"[[{name}]]"
                 yield from toml_lines(item, f"{name}.")
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, DrawnQuantity):
         return json.dumps(str(value))
     if isinstance(value, str):

@@ -4,10 +4,9 @@ import contextlib
 import dataclasses
 import io
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from needlefem._arrays import Ints, Points
 from needlefem.errors import SimulationError
 from needlefem.stress.drawncase import (
     MESH_UNIT,
+    CaseTables,
     DrawnCase,
     DrawnMesh,
     DrawnQuantity,
@@ -34,8 +34,9 @@ def write_drawn_case(case: DrawnCase, folder: Path, comment: str = "") -> Path:
     for name, points in case.contours.items():
         rows = [f"{x!r}, {y!r}" for x, y in points.tolist()]
         (folder / name).write_text("\n".join(["y [m], z [m]", *rows]) + "\n", encoding="utf-8")
-    if case.mesh is not None:
-        write_drawn_mesh(case.mesh, folder / str(case.data["mesh"]["file"]))
+    section = case.data.get("mesh")
+    if case.mesh is not None and isinstance(section, Mapping):
+        write_drawn_mesh(case.mesh, folder / str(section["file"]))
     path = folder / "case.toml"
     head = [f"# {comment}"] if comment else []
     path.write_text("\n".join([*head, *toml_lines(case.data)]) + "\n", encoding="utf-8")
@@ -158,7 +159,7 @@ def length(value: float) -> DrawnQuantity:
     return DrawnQuantity(value, "length")
 
 
-def case_data() -> dict[str, Any]:
+def case_data() -> CaseTables:
     """Return the tree of a small case that uses most keys."""
     return {
         "schema_version": 2,
@@ -212,7 +213,7 @@ CONTOURS = {
 }
 
 
-def write_case(folder: Path, data: dict[str, Any] | None = None) -> None:
+def write_case(folder: Path, data: CaseTables | None = None) -> None:
     """Write the small case and its contours."""
     case = DrawnCase(
         data=data or case_data(), contours=CONTOURS, mesh=None, kinds={}, command="run"

@@ -11,7 +11,7 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TextIO
 
 import numpy as np
 
@@ -245,7 +245,7 @@ def _show_warning(  # noqa: PLR0917  (as Python calls it)
     category: type[Warning],
     filename: str,
     lineno: int,
-    file: Any = None,  # noqa: ARG001
+    file: TextIO | None = None,  # noqa: ARG001
     line: str | None = None,  # noqa: ARG001
 ) -> None:
     """Print a warning of the package like the command line, others like Python.
@@ -314,7 +314,7 @@ def _watch_files() -> None:
         sys.addaudithook(_audit)
 
 
-def _audit(event: str, arguments: tuple[Any, ...]) -> None:
+def _audit(event: str, arguments: tuple[object, ...]) -> None:
     allowed = _WATCH.allowed
     if allowed is None:
         return

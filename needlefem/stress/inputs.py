@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from needlefem._table import Table
 from needlefem.stress.inputfiles import CommandLine, has_label_maps, make_results
@@ -41,8 +40,10 @@ def run_inputs(
         work = partial(run_input, command_line, results, seed)
         try:
             for number, answer in work_through(work, numbers, processes=processes, limits=LIMITS):
-                lost = isinstance(answer, Lost)
-                runs.append(_lost(seed, number, answer, Path(results)) if lost else answer)
+                if isinstance(answer, Lost):
+                    runs.append(_lost(seed, number, answer, Path(results)))
+                else:
+                    runs.append(answer)
                 if time.monotonic() - told > TELL:
                     told = time.monotonic()
                     faulty = sum(bool(run.faults) for run in runs)
@@ -124,7 +125,7 @@ def listing(seed: int, runs: Sequence[InputRun]) -> list[str]:
     return lines
 
 
-def record(seed: int, runs: Sequence[InputRun], asked: int) -> dict[str, Any]:
+def record(seed: int, runs: Sequence[InputRun], asked: int) -> dict[str, object]:
     """Return all results for JSON."""
     return {
         "seed": seed,

@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from typing import Any, NamedTuple
+from types import FrameType
+from typing import Generic, NamedTuple, TypeVar
 
 from needlefem._progress import expect_steps, expected_steps
 
-Work = Callable[[int], Any]
-"""Function of a task number; it must be a function of a module, because it is pickled."""
+Answer = TypeVar("Answer")
 POLL = 0.5
 """Interval for checking the time limits, s."""
 
@@ -49,8 +49,8 @@ class OutOfTimeError(BaseException):
     """A task exceeded its time limit; ``except Exception`` does not catch it."""
 
 
-class _Worker:
-    def __init__(self, work: Work, limits: WorkerLimits) -> None:
+class _Worker(Generic[Answer]):
+    def __init__(self, work: Callable[[int], Answer], limits: WorkerLimits) -> None:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, work, limits), daemon=True)
@@ -74,13 +74,18 @@ class _Worker:
 
 
 def work_through(
-    work: Work, tasks: Sequence[int], *, processes: int, limits: WorkerLimits
-) -> Iterator[tuple[int, Any]]:
+    work: Callable[[int], Answer],
+    tasks: Sequence[int],
+    *,
+    processes: int,
+    limits: WorkerLimits,
+) -> Iterator[tuple[int, Answer | Lost]]:
     """Yield tasks with their results, or `Lost`, in the order of their ends.
 
     Parameters
     ----------
     work : callable
+        Function of a module, because it is pickled; it takes the number of a task.
     tasks : sequence of int
     processes : int
     limits : WorkerLimits
@@ -112,21 +117,22 @@ def work_through(
             worker.end()
 
 
-def _answer(worker: _Worker, *, late: bool) -> Any:
+def _answer(worker: _Worker[Answer], *, late: bool) -> Answer | Lost:
     if late:
         worker.end()
         return Lost(f"no answer within {time.monotonic() - worker.begun:.0f} s")
     try:
-        return worker.pipe.recv()
+        answer: Answer = worker.pipe.recv()
     except (EOFError, ConnectionResetError):
         return Lost(f"the process ended with code {worker.end()}")
+    return answer
 
 
-def _serve(pipe: Connection, work: Work, limits: WorkerLimits) -> None:
+def _serve(pipe: Connection, work: Callable[[int], Answer], limits: WorkerLimits) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent terminates its workers
     allowed = [0.0]
 
-    def out_of_time(signum: int, frame: Any) -> None:  # noqa: ARG001  (of every signal handler)
+    def out_of_time(signum: int, frame: FrameType | None) -> None:  # noqa: ARG001  (of every signal handler)
         announced = limits.seconds_a_step * expected_steps()
         if announced <= allowed[0]:
             raise OutOfTimeError
@@ -144,7 +150,7 @@ def _serve(pipe: Connection, work: Work, limits: WorkerLimits) -> None:
             expect_steps(0)
             allowed[0] = limits.seconds
             signal.setitimer(signal.ITIMER_PROF, limits.seconds)
-            answer = work(task)
+            answer: Answer | Lost = work(task)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         except OutOfTimeError:
             answer = Lost(f"not ready after {allowed[0]:g} s of processor time")

@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -377,7 +376,7 @@ def listing(seed: int, runs: Sequence[SceneRun]) -> list[str]:
     return lines
 
 
-def record(seed: int, runs: Sequence[SceneRun], asked: int) -> dict[str, Any]:
+def record(seed: int, runs: Sequence[SceneRun], asked: int) -> dict[str, object]:
     """Return all results for JSON."""
     return {
         "seed": seed,

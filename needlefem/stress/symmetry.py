@@ -3,9 +3,9 @@
 import dataclasses
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from needlefem._arrays import Floats, SkfemMesh
 from needlefem.casefile.load import load_case
@@ -107,11 +107,11 @@ def turned_scene(scene: Scene, turn: Floats) -> Scene:
     Its mesh has to be turned as well, and given to the model.
     """
 
-    def moved(values: Any) -> tuple[float, ...]:
+    def moved(values: ArrayLike) -> tuple[float, ...]:
         return tuple((turn @ np.array(values)).tolist())
 
     scene = resolve(scene).scene
-    changes: dict[str, Any] = {"motion.direction": moved(scene.motion.direction)}
+    changes: dict[str, object] = {"motion.direction": moved(scene.motion.direction)}
     if scene.motion.entry:
         changes["motion.entry"] = moved(scene.motion.entry)
     if scene.target is not None:
@@ -136,7 +136,7 @@ def _sensitive(case: DrawnCase, scene: Scene, model: TissueModel, answer: SceneA
     needle = scene.needle
     for sign in (1.0, -1.0):
         factor = 1.0 + sign * NUDGE
-        changes: dict[str, Any] = {"needle.cutting_force": factor * needle.cutting_force}
+        changes: dict[str, object] = {"needle.cutting_force": factor * needle.cutting_force}
         for name, region in scene.regions.items():
             if region.cutting_force is not None:
                 changes[f"regions.{name}.cutting_force"] = factor * region.cutting_force

@@ -4,8 +4,6 @@ A plan with the case's own parameters is carried out with others: mesh, path spa
 penalty, quadrature. For each of them the final position of the seed may change by 0.02 mm at most.
 """
 
-from typing import Any
-
 import numpy as np
 
 from needlefem._table import Table
@@ -36,11 +34,11 @@ def study(scene: Scene, other: Scene | None = None) -> list[Table]:
     ]
 
 
-def variations(scene: Scene) -> dict[str, dict[str, Any]]:
+def variations(scene: Scene) -> dict[str, dict[str, object]]:
     """Return the changes of a resolved scene by name."""
     spacing = scene.discretization.path_spacing
     penalty, points = scene.needle.lateral_penalty, scene.discretization.tip_quadrature_points
-    found: dict[str, dict[str, Any]] = {"nothing": {}}
+    found: dict[str, dict[str, object]] = {"nothing": {}}
     refine = scene.mesh.refine if isinstance(scene.mesh, BoxMesh) else Refinement()
     if refine.corridor_size > 0.0:
         found["elements x 1/2"] = {

@@ -132,7 +132,7 @@ def measure(scene: Scene, size: int) -> Measured:
     mesh = grown(scene, size)
     clock = [time.process_time()]
     model = build_model(scene, mesh)
-    kept = [model.stiffness.matrix]
+    kept: list[object] = [model.stiffness.matrix]
     clock.append(time.process_time())
     kept.append(model.factor)
     clock.append(time.process_time())
