@@ -54,7 +54,7 @@ def test_a_file_of_the_users_with_one_of_our_names_stays(folder, run):
     Path("o/insertion.csv").write_text("mine")
     status, _, err = run("run", "case.toml", "--no-pictures", "--out", "o")
     assert status == 2
-    assert "'insertion.csv', which is no result of this command" in err
+    assert "'insertion.csv', which is not a result of this command" in err
     assert Path("o/insertion.csv").read_text() == "mine"
 
 
