@@ -19,7 +19,7 @@ _Index = Ints | Bools | slice
 
 
 class Sparse(Protocol):
-    """A sparse matrix of scipy, which ships no types: the part of its interface that is used.
+    """A sparse matrix of scipy: the part of its interface that is used here (scipy ships no types).
 
     Only matrices in compressed formats (`tocsr`, `tocsc`) have `indices` and `indptr` and can be
     indexed.
@@ -115,7 +115,7 @@ class SkfemDofs(Protocol):
 
 
 class SkfemMesh(Protocol):
-    """A mesh of scikit-fem, which ships no types: the part of its interface that is used.
+    """A mesh of scikit-fem: the part of its interface that is used here (it ships no types).
 
     Attributes
     ----------
@@ -133,12 +133,12 @@ class SkfemMesh(Protocol):
         Facets and cells of named groups.
     affine : bool
         Whether the map of each cell from the reference cell is affine.
-    elem : class
-        Of the element of the map from the reference cell.
-    bndelem : element
-        Of the map of the facets.
+    elem : SkfemElementClass
+        Class of the element that maps the reference cell to a cell.
+    bndelem : SkfemElement
+        Element that maps a reference facet to a facet.
     dofs : SkfemDofs
-        Of the element of the map.
+        Degrees of freedom of `elem`: the columns of `doflocs`.
     """
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]

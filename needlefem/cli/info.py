@@ -32,7 +32,7 @@ class Machine(TypedDict):
 
 
 class Info(Machine):
-    """What `Machine` has, and the renderer."""
+    """`Machine` with the window class and the driver of the renderer, or why there is none."""
 
     renderer: dict[str, str | None]
 

@@ -63,11 +63,24 @@ VOLUMES = ("tetra", "hexahedron", "wedge", "pyramid", "polyhedron", "VTK_LAGRANG
 
 
 class _Told(TypedDict, total=False):
-    """What a file says beside its arrays, or why it can't be read.
+    """Contents of a file without its arrays, or the reason why it can't be read.
 
-    `types` are the kinds of the blocks of cells; `reference` is the name of the array of group
-    numbers, and `names` are groups by name, number and dimension; `families` are groups of
-    Salome by number; `own` are the arrays in which scikit-fem writes groups.
+    Attributes
+    ----------
+    problem, remedy : str
+        Present only if the file can't be read.
+    types : list of str
+        Kind of the cells of each block.
+    reference : str
+        Name of the array with group numbers of cells; empty without such an array.
+    own : list of str
+        Names of the arrays in which scikit-fem stores groups.
+    families : mapping
+        Names of groups by family number, as Salome stores them.
+    names : list of (str, int, int)
+        Name, number and dimension of each named group.
+    cell_sets, point_sets : list of str
+        Names of sets of cells and of nodes.
     """
 
     problem: str
@@ -152,7 +165,7 @@ def serve(path: str, memory: int) -> None:
     if "problem" in told:
         told.setdefault("remedy", REMEDY)
     content: dict[str, Any] = {"told": np.array(json.dumps(told)), **arrays}
-    np.savez(out, **content)  # a name could be that of an option, as NumPy's types see it
+    np.savez(out, **content)  # untyped: mypy would compare the arrays with `allow_pickle: bool`
     out.close()
 
 
