@@ -232,7 +232,10 @@ def test_a_qform_turns_as_an_sform(tmp_path: Path) -> None:
     ("changes", "says"),
     [
         ({"space_units": '"furlong" "mm" "mm"'}, "space units: 'furlong' is not a known unit"),
-        ({"space_directions": "(1,0,0) (0,nan,0) (0,0,3)"}, "space directions: 'nan' is not a finite"),
+        (
+            {"space_directions": "(1,0,0) (0,nan,0) (0,0,3)"},
+            "space directions: 'nan' is not a finite",
+        ),
         ({"space_directions": "(1,0,0) (0,0,0) (0,0,3)"}, "voxels of 1 x 0 x 3 mm"),
         ({"space_directions": "(1,0,0) (1,2,0) (0,0,3)"}, "not at right angles"),
         ({"space_directions": "(1e300,0,0) (0,2,0) (0,0,3)"}, "voxels of inf x"),
