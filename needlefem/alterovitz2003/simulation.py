@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from needlefem._arrays import Vector
+from needlefem._root_finding import updated_jacobian
 from needlefem.alterovitz2003.contact import ActiveSetSolution, NodeContact
 from needlefem.alterovitz2003.moving_tissue import MovingTissue, Response, TissueInTime
 from needlefem.alterovitz2003.node_chain import (
@@ -360,8 +361,8 @@ class ConformingInsertion:
                 break
             point = there
             response, settled = self.contact.evaluate(point, depth, travel, TipPhase.CUTTING)
-            error = self._off(point, settled, depth) - residual - self._jacobian @ change
-            self._jacobian = self._jacobian + np.outer(error, change) / (change @ change)
+            reached = self._off(point, settled, depth)
+            self._jacobian = updated_jacobian(self._jacobian, change, residual, reached)
         self._jacobian = np.eye(2)
         raise SimulationError(f"the position of the tip node did not converge at {depth:.4g} m")
 

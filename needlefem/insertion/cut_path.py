@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
+from needlefem._root_finding import golden_section
 from needlefem.needle.needle_interface import NeedleInterface
 
 if TYPE_CHECKING:
@@ -99,6 +100,8 @@ class CutPath:
 # no interpolation across a rupture: the material between its ends is not on the path.
 
 
+CLOSE = 1e-11
+"""Width of the interval of path length in which the point closest to a target is found, m."""
 STUB = 0.01
 """Length of the last step of a path, relative to the step before, below which it is merged."""
 
@@ -292,16 +295,9 @@ class TipTrajectory:
         middle = int(np.argmin(apart))
         low = interval.length[max(middle - 1, 0)]
         high = interval.length[min(middle + 1, len(interval.length) - 1)]
-        for _ in range(200):  # golden section: accurate to the square root of round-off
-            if high - low < 1e-11:
-                break
-            inner = high - 0.6180339887498949 * (high - low)
-            outer = low + 0.6180339887498949 * (high - low)
-            if _distance(interval.at(inner), target) < _distance(interval.at(outer), target):
-                high = outer
-            else:
-                low = inner
-        return interval.at(0.5 * (low + high))
+        # a minimum is accurate to the square root of round-off
+        tried = golden_section(lambda s: _distance(interval.at(s), target), low, high, CLOSE)
+        return interval.at(min(tried, key=operator.itemgetter(1))[0])
 
 
 def _distance(reached: TipPoint, target: Vector) -> float:

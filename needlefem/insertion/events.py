@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from needlefem._arrays import Points, Vector
+from needlefem._root_finding import root_between
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.motion_schedule import TimeStep
 from needlefem.insertion.result import Event, Seed
 from needlefem.insertion.state import State, TipPhase
-from needlefem.insertion.step_equations import Field, root_between
+from needlefem.insertion.step_equations import Field
 from needlefem.insertion.tip_phase import fixed_point_forces, trial_step
 
 if TYPE_CHECKING:

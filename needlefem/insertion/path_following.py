@@ -10,12 +10,13 @@ from there.
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
+from needlefem._root_finding import golden_section, root_between
 from needlefem.contact.condensed_contact import CondensedContact, ContactTrial
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.interpolation import OutsideError
@@ -53,6 +54,10 @@ SURE = 0.95
 """Predicted length of the last step, over that of a full segment, below which it is used."""
 STEADY = 0.5
 """Smallest depth per length in a predicted last step, over that of the step before."""
+NEAREST = 1e-3
+"""Length of the shortest step of a rupture, over that of a step beyond its end."""
+ROUND_OFF_OF_LENGTH = 1e-12
+"""Relative precision of the length of the step that ends a rupture."""
 HALVINGS = 6
 """Largest number of halvings of a step that would leave the tissue."""
 
@@ -447,10 +452,21 @@ class PathFollowing:
         while step.excess > 0.0:
             yield self._accept(step, phase=TipPhase.RUPTURE)
             step = self._next(depth)
-        arrest = _root(lambda length: self._solve(length, depth), self._length(step))
-        state = self._accept(arrest)
+        state = self._accept(self._arrest(step, depth))
         self.ruptures.append(Rupture(depth, first, len(self.states) - 1))
         yield state
+
+    def _arrest(self, step: TipSolution, depth: float) -> TipSolution:
+        """Return the step at fixed depth, shorter than a given one, that ends the rupture."""
+        longest = self._length(step)
+        shortest = NEAREST * longest
+        first = self._solve(shortest, depth)
+        if first.excess <= 0.0:
+            return first
+        length = root_between(
+            lambda x: self._solve(x, depth).excess, shortest, longest, ROUND_OFF_OF_LENGTH * longest
+        )
+        return self._solve(length, depth)
 
     # Kernel: limit point of the depth over the path's length, where a rupture begins.
     #     ds/dl = 0
@@ -458,20 +474,14 @@ class PathFollowing:
     # Source: limit points in path following, E. Riks, Int. J. Solids Struct. 15 (1979) 529.
     def _limit_point(self, step: TipSolution) -> TipSolution | None:
         """Return the step to the largest depth within a step; None if it is at an end."""
-        low, high = 0.0, self._length(step)
-        ratio, precise = 0.5 * (np.sqrt(5.0) - 1.0), PEAK * high
-        lengths = [high - ratio * (high - low), low + ratio * (high - low)]
-        inner = [self._solve(length) for length in lengths]
-        while high - low > precise:
-            if inner[0].depth > inner[1].depth:
-                high, lengths[1], inner[1] = lengths[1], lengths[0], inner[0]
-                lengths[0] = high - ratio * (high - low)
-                inner[0] = self._solve(lengths[0])
-            else:
-                low, lengths[0], inner[0] = lengths[0], lengths[1], inner[1]
-                lengths[1] = low + ratio * (high - low)
-                inner[1] = self._solve(lengths[1])
-        best = max(inner, key=lambda found: found.depth)
+        high, tried = self._length(step), list[TipSolution]()
+
+        def negative_depth(length: float) -> float:
+            tried.append(self._solve(length))
+            return -tried[-1].depth
+
+        golden_section(negative_depth, 0.0, high, PEAK * high)
+        best = max(tried, key=lambda found: found.depth)
         return best if best.depth > max(self.states[-1].depth, step.depth) else None
 
 
@@ -484,17 +494,3 @@ def _interpolated(points: Sequence[tuple[float, T]], at: float) -> T:
             return value * np.nan
         parts.append(value * math.prod((at - other) / (place - other) for other in others))
     return sum(parts[1:], parts[0])
-
-
-def _root(solve: Callable[[float], TipSolution], spacing: float) -> TipSolution:
-    """Return the step, not longer than `spacing`, that ends with the cutting force."""
-    low, high = 1e-3 * spacing, spacing
-    for _ in range(60):
-        step = solve(0.5 * (low + high))
-        if step.excess > 0.0:
-            low = 0.5 * (low + high)
-        else:
-            high = 0.5 * (low + high)
-        if high - low < 1e-9 * spacing:
-            break
-    return solve(high)

@@ -6,11 +6,9 @@ phases friction is solved for by return mapping, with sticking and slipping segm
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-import scipy  # its module of root finding is imported when it is first used
 
 from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import (
@@ -284,62 +282,3 @@ def _resized(guess: Floats, like: Floats) -> Floats:
     count = min(len(guess), len(like)) - 2
     found[:count], found[-2:] = guess[:count], guess[-2:]
     return found
-
-
-# Roots: Broyden's method for the position of the tip, Brent's method for one bracketed unknown.
-
-
-SMALLEST_CHANGE = 1e-15
-"""Change of the unknowns below which the iteration ends, m."""
-FLAT = 1e-8
-"""Determinant of the Jacobian below which it is treated as singular."""
-MOST_BROYDEN_ITERATIONS = 60
-
-Evaluate = Callable[[Floats], tuple[StepSolution, Floats]]
-Limit = Callable[[Floats, Floats], Floats]
-
-
-def broyden(
-    evaluate: Evaluate, unknown: Floats, jacobian: Floats, limit: Limit
-) -> StepSolution | None:
-    """Return the solution with zero residual (C. G. Broyden 1965), or None without convergence.
-
-    Parameters
-    ----------
-    evaluate : callable
-        Takes unknowns, shape (n,), m; returns solution and residual, shape (n,), m.
-    unknown : array, shape (n,), m
-        Initial values.
-    jacobian : array, shape (n, n)
-        Approximate Jacobian of the residual.
-    limit : callable
-        Takes unknowns and their change; returns the change that is permitted.
-    """
-    jacobian, (solution, error) = jacobian.copy(), evaluate(unknown)
-    for _ in range(MOST_BROYDEN_ITERATIONS):
-        if np.max(np.abs(error)) <= TOLERANCE:
-            return solution
-        if abs(np.linalg.det(jacobian)) < FLAT:
-            return None
-        newton: Floats = -np.linalg.solve(jacobian, error).astype(float)
-        change = limit(unknown, newton)
-        if np.linalg.norm(change) < SMALLEST_CHANGE:
-            return None
-        solution, reached = evaluate(unknown + change)
-        wrong = reached - error - jacobian @ change
-        jacobian += np.outer(wrong, change) / (change @ change)
-        unknown, error = unknown + change, reached
-    return None
-
-
-def root_between(function: Callable[[float], float], low: float, high: float, xtol: float) -> float:
-    """Return the root of a function that changes its sign between `low` and `high` (R. P. Brent).
-
-    scipy wraps its argument in a function that refers to itself. It is given `_value`, so that it
-    does not keep `function`, and the tissue in it, until the next garbage collection.
-    """
-    return float(scipy.optimize.brentq(_value, low, high, args=(function,), xtol=xtol))
-
-
-def _value(unknown: float, function: Callable[[float], float]) -> float:
-    return function(unknown)

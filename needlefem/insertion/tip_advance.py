@@ -1,20 +1,43 @@
 """Position of the tip in one step: loading, cutting or retraction, and growth of the cut path."""
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy  # its module of minimisation is imported when it is first used
 
 from needlefem._arrays import Floats
+from needlefem._root_finding import broyden, root_between
 from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import OutsideError
 from needlefem.insertion.step_equations import (
-    MOST_BROYDEN_ITERATIONS,
     TOLERANCE,
     StepEquations,
     StepSolution,
-    broyden,
-    root_between,
 )
 from needlefem.insertion.tip_solver import not_found, smallest_turning
+
+SMALLEST_CHANGE = 1e-15
+"""Change of the unknowns below which the iteration ends, m."""
+MOST_ITERATIONS = 60
+
+Evaluate = Callable[[Floats], tuple[StepSolution, Floats]]
+Limit = Callable[[Floats, Floats], Floats]
+
+
+def _solve(
+    evaluate: Evaluate, unknowns: Floats, jacobian: Floats, limit: Limit
+) -> StepSolution | None:
+    """Return the solution whose residual (m) is zero, or None if it was not found."""
+    root = broyden(
+        evaluate,
+        unknowns,
+        jacobian,
+        tolerance=TOLERANCE,
+        smallest_change=SMALLEST_CHANGE,
+        iterations=MOST_ITERATIONS,
+        limit=limit,
+    )
+    return None if root is None else root.solution
 
 
 def solve_loading(equations: StepEquations, depth: float) -> StepSolution:
@@ -53,7 +76,7 @@ def solve_retraction(
     if start <= 0.0 or not travel or equations.contact.free_displacement is not None:
         arc = start  # outside, or the tissue moves by itself: the gap gives the direction
         ahead = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0).axial_gap < 0.0
-    for _ in range(MOST_BROYDEN_ITERATIONS):
+    for _ in range(MOST_ITERATIONS):
         solution = equations.solve(equations.at_arc(arc), depth, 0.0, 0.0)
         gap = solution.axial_gap
         if abs(gap) <= TOLERANCE or (gap > 0.0 and arc <= 0.0):
@@ -79,7 +102,7 @@ def solve_retraction(
             arc = target if inside else 0.5 * (near + far)
     raise SimulationError(
         f"the position of the retracted tip on its cut path was not found at a depth of "
-        f"{100.0 * depth:.4g} cm in {MOST_BROYDEN_ITERATIONS} iterations; shorten "
+        f"{100.0 * depth:.4g} cm in {MOST_ITERATIONS} iterations; shorten "
         "discretization.time_step or path_spacing"
     )
 
@@ -109,7 +132,7 @@ def solve_cutting(equations: StepEquations, depth: float, ahead: float) -> StepS
         return change * (-0.5 * reached / more) if reached + more <= 0.0 else change
 
     try:
-        return broyden(evaluate, ahead * axis.direction, np.eye(len(front)), forward)
+        return _solve(evaluate, ahead * axis.direction, np.eye(len(front)), forward)
     except OutsideError:
         return None
 
@@ -170,7 +193,7 @@ def extend_to_length(equations: StepEquations, length: float, depth: float) -> S
 
     jacobian = np.diag([-1.0, *np.ones(len(begin))])
     try:
-        return broyden(evaluate, np.append(0.0, begin), jacobian, near)
+        return _solve(evaluate, np.append(0.0, begin), jacobian, near)
     except OutsideError:
         return None
 
@@ -204,7 +227,7 @@ def advance_at_fixed_depth(equations: StepEquations, length: float, depth: float
     def near(sideways: Floats, change: Floats) -> Floats:
         return _within(sideways, change, length)
 
-    found = broyden(evaluate, begin, np.eye(len(begin)), near)
+    found = _solve(evaluate, begin, np.eye(len(begin)), near)
     if found is None:
         raise _not_found(equations, length, depth)
     return found

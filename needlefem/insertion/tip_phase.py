@@ -6,10 +6,11 @@ from collections.abc import Callable
 import numpy as np
 
 from needlefem._arrays import Floats
+from needlefem._root_finding import root_between
 from needlefem.contact.condensed_contact import CondensedContact, ContactTrial
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.state import State, TipPhase
-from needlefem.insertion.step_equations import TOLERANCE, StepEquations, StepSolution, root_between
+from needlefem.insertion.step_equations import TOLERANCE, StepEquations, StepSolution
 from needlefem.insertion.tip_advance import (
     extend_to_length,
     extend_until_segment_full,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from needlefem._arrays import Floats, Vector
+from needlefem._root_finding import broyden
 from needlefem.contact.condensed_contact import CondensedContact, ContactTrial
 from needlefem.fem.interpolation import OutsideError
 from needlefem.mesh.surface import place_text
@@ -299,28 +300,33 @@ class TipSolver:
         steep = math.sqrt(slope @ slope)
         if steep > STEEPEST:  # an extrapolated slope may exceed 1
             slope = slope * (STEEPEST / steep)
-        sideways = slope * length
-        step = self._try(start, length, sideways, depth)
-        for _ in range(MOST_ITERATIONS):
-            if _largest(step.residual) <= tolerance:
-                self._jacobian = jacobian
-                return step
-            change = -solved(jacobian, step.residual)
+        largest = STEEPEST * length
+
+        def evaluate(sideways: Floats) -> tuple[TipSolution, Floats]:
+            step = self._try(start, length, sideways, depth)
+            return step, step.residual
+
+        def limit(sideways: Floats, change: Floats) -> Floats:
             target = sideways + change
-            size = _norm(target)
-            if size > STEEPEST * length:
-                target *= STEEPEST * length / size
-                change = target - sideways
-            if _norm(change) <= STALLED * length:
-                break
-            new = self._try(start, length, target, depth)
-            jacobian = _updated(jacobian, change, step.residual, new.residual)
-            sideways, step = target, new
-        begin = slope * length
-        turning = smallest_turning(
-            lambda across: self._try(start, length, across, depth).residual, begin, length
+            size = math.hypot(*target.tolist())
+            return target * (largest / size) - sideways if size > largest else change
+
+        root = broyden(
+            evaluate,
+            slope * length,
+            jacobian,
+            tolerance=tolerance,
+            smallest_change=STALLED * length,
+            iterations=MOST_ITERATIONS,
+            limit=limit,
         )
-        raise NoEquilibriumError(not_found(length, last, turning, step.cutting_force))
+        if root is not None:
+            self._jacobian = root.jacobian
+            return root.solution
+        begin = slope * length
+        turning = smallest_turning(lambda sideways: evaluate(sideways)[1], begin, length)
+        cutting_force = evaluate(begin)[0].cutting_force
+        raise NoEquilibriumError(not_found(length, last, turning, cutting_force))
 
     def solve_to(
         self, last: Vector, depth: float, length: float, rate: float
@@ -351,26 +357,29 @@ class TipSolver:
         else:
             jacobian = known.derivatives
             unknown = np.append(known.length, slope + known.turned)
-        error = change = np.zeros(0)
-        for _ in range(FEW_ITERATIONS):
+
+        def evaluate(unknown: Floats) -> tuple[TipSolution, Floats] | None:
             sideways = unknown[0] * unknown[1:]
             if not 0.0 < unknown[0] <= self._instrument.spacing or (
                 sideways @ sideways > (STEEPEST * unknown[0]) ** 2
             ):
                 return None
             step = self._try(start, float(unknown[0]), sideways, None)
-            reached = np.append(step.depth - depth, step.residual)
-            if len(change):
-                wrong = reached - error - jacobian @ change
-                jacobian = jacobian + wrong[:, None] * (change / (change @ change))
-            error = reached
-            if abs(error[0]) <= ROUND_OFF and abs(error[1:]).max() <= TOLERANCE:
-                turned = step.slope - slope
-                self._warm_start.last = LastStep(number, float(unknown[0]), turned, jacobian)
-                return step if jacobian[0, 0] > 0.0 else None
-            change = -solved(jacobian, error)
-            unknown = unknown + change
-        return None
+            return step, np.append(step.depth - depth, step.residual)
+
+        root = broyden(
+            evaluate,
+            unknown,
+            jacobian,
+            tolerance=(ROUND_OFF, *[TOLERANCE] * len(slope)),
+            smallest_change=0.0,
+            iterations=FEW_ITERATIONS,
+        )
+        if root is None:
+            return None
+        turned = root.solution.slope - slope
+        self._warm_start.last = LastStep(number, float(root.unknowns[0]), turned, root.jacobian)
+        return root.solution if root.jacobian[0, 0] > 0.0 else None
 
     def _try(
         self, start: "_Start", length: float, sideways: Floats, depth: float | None
@@ -439,31 +448,3 @@ def _eliminated(
     matrix = compliance[dim + 1 :, dim + 1 :] + penalty * np.eye(dim - 1)
     lateral: Floats = -np.linalg.solve(matrix, rhs).astype(float)
     return lateral, parts[:dim] + compliance[:dim, dim + 1 :] @ lateral
-
-
-def _largest(values: Floats) -> float:
-    """Return the largest absolute value of a small array."""
-    return float(max(map(abs, values.tolist())))
-
-
-def _norm(values: Floats) -> float:
-    """Return the Euclidean norm of a small array."""
-    return math.hypot(*values.tolist())
-
-
-def _updated(jacobian: Floats, change: Floats, before: Floats, after: Floats) -> Floats:
-    """Return the Jacobian after Broyden's update with the last change of the residuals."""
-    if len(change) == 1:  # the secant method: arrays would cost more than the arithmetic
-        known, moved = float(jacobian[0, 0]), float(change[0])
-        wrong = float(after[0]) - float(before[0]) - known * moved
-        return np.array([[known + wrong * (moved / (moved * moved))]])
-    error = after - before - jacobian @ change
-    found: Floats = jacobian + error[:, None] * (change / (change @ change))
-    return found
-
-
-def solved(matrix: Floats, rhs: Floats) -> Floats:
-    """Solve a small linear system; in the plane it is one equation."""
-    if len(matrix) == 1:
-        return rhs / float(matrix[0, 0])
-    return np.linalg.solve(matrix, rhs).astype(float)

@@ -1,13 +1,13 @@
 """Search methods over the lateral offset of the insertion."""
 
 import dataclasses
-import math
 from collections.abc import Callable
 from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
 
+from needlefem import _root_finding
 from needlefem._arrays import Floats
 
 TIE = 1e-9
@@ -105,8 +105,7 @@ class _Root:
                     return self._end(SearchStatus.UNREACHABLE)
                 request, reached = retreat
             change = request - height
-            error = reached - value - jacobian @ change
-            jacobian = jacobian + np.outer(error, change) / (change @ change)
+            jacobian = _root_finding.updated_jacobian(jacobian, change, value, reached)
             if abs(np.linalg.det(jacobian)) < 1e-3:
                 jacobian = np.eye(len(height))
             height, value = request, reached
@@ -168,25 +167,7 @@ def golden_section(error: Error, low: float, high: float, tolerance: float) -> S
 
     Ends when the interval is narrower than `tolerance` (m).
     """
-    ratio = 0.5 * (math.sqrt(5.0) - 1.0)
-    tried: list[tuple[float, float]] = []
-
-    def evaluate(height: float) -> float:
-        tried.append((height, error(height)))
-        return tried[-1][1]
-
-    inner, outer = high - ratio * (high - low), low + ratio * (high - low)
-    at_inner, at_outer = evaluate(inner), evaluate(outer)
-    while high - low > tolerance:
-        if _less(at_inner, at_outer):
-            high, outer, at_outer = outer, inner, at_inner
-            inner = high - ratio * (high - low)
-            at_inner = evaluate(inner)
-        else:
-            low, inner, at_inner = inner, outer, at_outer
-            outer = low + ratio * (high - low)
-            at_outer = evaluate(outer)
-    return _best(tried)
+    return _best(_root_finding.golden_section(error, low, high, tolerance, _less))
 
 
 def grid(error: Error, low: float, high: float, spacing: float) -> SearchResult:
