@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
+
 from needlefem.errors import CaseError
 from needlefem.scene import Motion, Stage
 
@@ -17,7 +19,8 @@ HALVINGS = 6
 class MotionStage(NamedTuple):
     """Motion at constant speed between two depths (m) in a duration (s).
 
-    The seeds `releases` are released at its end.
+    The seeds `releases` are released at its end. `stage_end` is the last time step of the stage, if
+    a step of path following may go on up to it.
     """
 
     start: float
@@ -36,6 +39,7 @@ class TimeStep(NamedTuple):
     depth: float
     duration: float
     releases: tuple[str, ...] = ()
+    stage_end: "TimeStep | None" = None
 
     def time_at(self, depth: float, start: tuple[float, float]) -> float:
         """Return the time at a depth in this step, given time and depth at its start."""
@@ -138,9 +142,10 @@ def time_steps(
 ) -> Iterator[TimeStep]:
     """Yield the time steps of a motion, of equal duration within a stage.
 
-    In tissue that does not depend on time, the first step after the needle has rested or turned
-    back is divided, with a short step first: sticking ends after a travel that is short in stiff
-    tissue.
+    In tissue that does not depend on time, steps of path following may replace the time steps of an
+    advance, unless their duration is prescribed. The first step after the needle has rested or
+    turned back is divided there, with a short step first: sticking ends after a travel that is
+    short in stiff tissue.
 
     Parameters
     ----------
@@ -160,16 +165,18 @@ def time_steps(
         shares = [n / count for n in range(1, count + 1)]
         if rate_independent and stopped and travel != 0.0:
             shares = [shares[0] * 0.5**n for n in range(HALVINGS, 0, -1)] + shares
-        begin = 0.0
-        for share in shares:
-            end = share == 1.0
-            depth = stage.end if end else stage.start + share * travel
-            duration = (
-                (share - begin) * stage.duration if rate_independent else stage.duration / count
-            )
-            releases = stage.releases if end else ()
-            yield TimeStep(time + share * stage.duration, depth, duration, releases)
-            begin = share
+        durations = (
+            np.diff(shares, prepend=0.0) * stage.duration
+            if rate_independent
+            else np.full(count, stage.duration / count)
+        )
+        last = TimeStep(time + stage.duration, stage.end, float(durations[-1]), stage.releases)
+        path_steps = rate_independent and travel > 0.0 and math.isinf(time_step)
+        reachable = last if path_steps else None
+        for share, duration in zip(shares[:-1], durations.tolist(), strict=False):
+            depth = stage.start + share * travel
+            yield TimeStep(time + share * stage.duration, depth, duration, (), reachable)
+        yield last
         time += stage.duration
         following = travels[number + 1] if number + 1 < len(travels) else 0.0
         stopped = travel * following <= 0.0

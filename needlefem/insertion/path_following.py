@@ -131,7 +131,7 @@ class PathFollowing:
         self.contact = CondensedContact(responses, instrument.axis.frame)
         self.outcome = Outcome(Status.STOPPED, "ended before the requested depth")
         self.ruptures: list[Rupture] = []
-        self._solver = TipSolver(instrument, self.contact, warm_start)
+        self.tip_solver = TipSolver(instrument, self.contact, warm_start)
         self._watch = TipWatch(instrument.interpolation.surface, instrument.axis.entry)
         self._before: _PreviousStep | None = None
         self._inside: Vector | None = None
@@ -163,7 +163,7 @@ class PathFollowing:
             states=tuple(self.states),
             segments=tuple(self.contact.segments),
             ruptures=tuple(self.ruptures),
-            contact_solves=self._solver.evaluations,
+            contact_solves=self.tip_solver.evaluations,
         )
 
     def _states_to_depth(self) -> Iterator[State]:
@@ -207,7 +207,7 @@ class PathFollowing:
             return None
         rate = gained / made
         try:
-            step = self._solver.solve_to(last.tip, self.max_depth, left / rate, rate)
+            step = self.tip_solver.solve_to(last.tip, self.max_depth, left / rate, rate)
             if step is None or left < STEADY * rate * self._length(step):
                 return None
             self._check_inside(step.tip, step.depth)
@@ -216,7 +216,7 @@ class PathFollowing:
         return step
 
     def _solve(self, length: float, depth: float | None = None) -> TipSolution:
-        return self._solver.solve(self.states[-1].tip, length, depth)
+        return self.tip_solver.solve(self.states[-1].tip, length, depth)
 
     def _length(self, step: TipSolution) -> float:
         return float(np.linalg.norm(step.tip - self.states[-1].tip))
@@ -273,7 +273,7 @@ class PathFollowing:
             near = min(abs(known[-1][0]), high - low)
             tolerance = max(TOLERANCE, ENOUGH * near)
             begin = _interpolated(slopes[-3:], length)
-            step = self._solver.solve(last.tip, length, begin=begin, tolerance=tolerance)
+            step = self.tip_solver.solve(last.tip, length, begin=begin, tolerance=tolerance)
             excess = step.depth - goal
             precise = float(abs(step.residual).max()) <= TOLERANCE
             if precise and (abs(excess) <= ROUND_OFF or high - low <= ROUND_OFF):
@@ -343,7 +343,7 @@ class PathFollowing:
         lateral = self.contact.lateral_forces(step.trial, forces)
         moved = self.contact.displacements(lateral, step.trial, forces)
         self._before = self._checked(step, forces, lateral, moved)
-        self._solver.follow(warm_start or step)
+        self.tip_solver.follow(warm_start or step)
         self.contact.append_segment(step.trial, 1, step.friction, step.offset, step.compliance)
         weights = step.trial.weights
         return self._keep(

@@ -9,7 +9,7 @@ from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import CondensedContact, ContactSegment, ContactTrial
 from needlefem.contact.friction import SlipWeakeningFriction
 from needlefem.fem.compliance import ComplianceOperator
-from needlefem.fem.interpolation import LinearFunctionals
+from needlefem.fem.interpolation import LinearFunctionals, OutsideError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.energy_balance import EnergyBalance, EnergyIncrement
@@ -30,10 +30,22 @@ from needlefem.insertion.state import (
 )
 from needlefem.insertion.step_equations import Field, StepEquations
 from needlefem.insertion.tip_phase import TipTrial
+from needlefem.insertion.tip_solver import (
+    TOLERANCE,
+    NoEquilibriumError,
+    TipSolution,
+    TipSolver,
+)
 from needlefem.insertion.tissue_response import TissueResponse
 from needlefem.mesh.surface import TipWatch
 from needlefem.needle.needle_interface import NeedleInterface
 
+CLOSE = 1e-12
+"""Relative difference of forces that is round-off."""
+MOST_GROWN = 0.99
+"""Length of the partial segment over that of a full one up to which path following extends it."""
+LITTLE = 0.25
+"""Depth gained over length of the path below which the depth may have a maximum in a step."""
 AT_SURFACE = 1.0 / 64
 """Distance from the surface, relative to the path spacing, at which the tip leaves the tissue."""
 
@@ -112,6 +124,7 @@ class Progress:
             LeastRecentlyUsed()
         )
         self._field: Field = ZeroField(model.dim)
+        self._tip_solver: TipSolver | None = None
         self._solved: list[StepEquations] = []
 
     def continue_from(
@@ -129,7 +142,7 @@ class Progress:
         """
         if not path_following.contact.segments:
             return
-        self.contact = path_following.contact
+        self.contact, self._tip_solver = path_following.contact, path_following.tip_solver
         self.segments.extend(path_following.contact.segments)
         self.state, self._field = state_after_path_following(path_following, self.cut_path, speed)
         self.arc, self.count = self.cut_path.length, len(path_following.states) - 1
@@ -173,6 +186,72 @@ class Progress:
         found = StepEquations(self.contact, self.cut_path, self.friction, self.state, self._field)
         self._solved.append(found)
         return found
+
+    def path_step(self, depth: float) -> TipTrial | None:
+        """Return a step of path following: to the end of a contact segment, or to a depth in it.
+
+        It needs a few contact solutions, as the friction forces are known and only the direction of
+        the tip is sought. None where path following is not valid, or the tip may rupture: then the
+        step is taken by depth.
+
+        Parameters
+        ----------
+        depth : float, m
+            Largest depth of the needle.
+        """
+        state, contact, cut_path = self.state, self.contact, self.cut_path
+        grown, spacing = cut_path.length - cut_path.arcs[-1], self.instrument.spacing
+        kinetic = np.array(cut_path.kinetic)
+        if (
+            depth <= state.depth
+            or state.tip_force < (1.0 - CLOSE) * state.cutting_force
+            or grown > MOST_GROWN * spacing
+            or len(contact.friction_forces) != cut_path.count
+            or np.any(np.abs(contact.friction_forces - kinetic) > CLOSE * kinetic)
+        ):
+            return None
+        if contact.active_segments != cut_path.count:
+            contact.set_active(cut_path.count)
+        if self._tip_solver is None or self._tip_solver.contact is not contact:
+            self._tip_solver = TipSolver(self.instrument, contact)
+        begun = self._tip_solver.evaluations
+        try:
+            step = self._step_along_path(self._tip_solver, spacing - grown, depth)
+        except (NoEquilibriumError, OutsideError):
+            return None
+        finally:
+            self.evaluations += self._tip_solver.evaluations - begun
+        if step is None or self._watch.first_exit(cut_path.crack_front, step.tip) is not None:
+            return None
+        solution = self.equations().all_slipping(step)
+        if solution is None:
+            return None
+        self._tip_solver.follow(step)
+        return TipTrial(TipPhase.CUTTING, cut_path.length, step.depth, solution)
+
+    def _step_along_path(
+        self, solver: TipSolver, missing: float, depth: float
+    ) -> TipSolution | None:
+        """Return a step of path following over the missing length of a segment, or to a depth.
+
+        None if the depth grows little: its maximum, where a rupture begins, may be in the step.
+        """
+        before, last, spacing = (
+            self.state.depth,
+            self.cut_path.vertices[-1],
+            self.instrument.spacing,
+        )
+        step: TipSolution | None = solver.solve(last, spacing)
+        assert step is not None
+        if step.depth > depth + TOLERANCE:
+            rate = (step.depth - before) / missing
+            step = solver.solve_to(last, depth, spacing - (step.depth - depth) / rate, rate)
+            if step is None:
+                return None
+            missing -= spacing - float(np.linalg.norm(step.tip - last))
+        if abs(step.depth - depth) <= TOLERANCE:
+            step = step._replace(depth=depth)
+        return step if missing > 0.0 and step.depth - before > LITTLE * missing else None
 
     # results of a step that are not accepted yet
 

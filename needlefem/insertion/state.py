@@ -351,7 +351,7 @@ def state_from_trial(
     contact.set_friction(friction[:full])
     forces = np.zeros(2 * dim)
     forces[0], forces[dim] = solution.tip_force, friction[full]
-    forces[dim + 1 :] = position.shaft.lateral(solution.forces)
+    forces[dim + 1 :] = solution.lateral
     lateral = contact.lateral_forces(trial, forces)
     displacement = contact.displacements(lateral, trial, forces)
     state = State(

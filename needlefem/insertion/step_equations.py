@@ -17,11 +17,14 @@ from needlefem.contact.condensed_contact import (
     ContactTrial,
     ShaftEquations,
 )
-from needlefem.contact.friction import FrictionStep, SlipWeakeningFriction
+from needlefem.contact.friction import STUCK, FrictionStep, SlipWeakeningFriction
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.state import State
+from needlefem.insertion.tip_solver import TipSolution
 
+SAME_LIMIT = 1e-12
+"""Relative difference of the friction limit from its kinetic value that is round-off."""
 TOLERANCE = 1e-12
 """Tolerance of the distance between the material point at the tip and the tip in space, m."""
 
@@ -36,7 +39,7 @@ class Field(Protocol):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TipPosition:
-    """A material point at the tip, and the contact equations for it.
+    """A material point at the tip, with the functionals and the resistance there.
 
     Parameters
     ----------
@@ -48,9 +51,6 @@ class TipPosition:
         Length of the partial segment, in which the tip is.
     trial : ContactTrial
         Tip kernel and partial segment.
-    shaft : ShaftEquations
-    before : array, shape (full_segments + 1,), m
-        Axial displacement of the segments, including the partial one, at the start of the step.
     kinetic : array, shape (full_segments + 1,), N (N/m in 2D)
         Kinetic friction force of the segments.
     cutting_force : float, N (N/m in 2D)
@@ -60,10 +60,23 @@ class TipPosition:
     full_segments: int
     length: float
     trial: ContactTrial
-    shaft: ShaftEquations
-    before: Floats
     kinetic: Floats
     cutting_force: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ContactPosition(TipPosition):
+    """A material point at the tip, and the contact equations for it.
+
+    Parameters
+    ----------
+    shaft : ShaftEquations
+    before : array, shape (full_segments + 1,), m
+        Axial displacement of the segments, including the partial one, at the start of the step.
+    """
+
+    shaft: ShaftEquations
+    before: Floats
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,6 +89,8 @@ class StepSolution:
     depth : float, m
     forces : array, shape (full_segments + 2,), N (N/m in 2D)
         Friction forces of the segments, then the axial tip force.
+    lateral : array, shape (dim - 1,), N (N/m in 2D)
+        Lateral force on the partial segment.
     slip : array, shape (full_segments + 1,), m
         Slip of the needle relative to the segments in this step, positive forward.
     slipped : array, shape (full_segments + 1,), m
@@ -89,6 +104,7 @@ class StepSolution:
     position: TipPosition
     depth: float
     forces: Floats
+    lateral: Floats
     slip: Floats
     slipped: Floats
     axial_gap: float
@@ -136,7 +152,7 @@ class StepEquations:
         self.instrument = cut_path.instrument
         self.evaluations = 0
         self._slidings: dict[int, tuple[AxialCompliance, Floats]] = {}
-        self._front: TipPosition | None = None
+        self._front: ContactPosition | None = None
         self._guess: Floats | None = None
         self._initial_partial = (
             None
@@ -153,12 +169,12 @@ class StepEquations:
 
     # equations for a position of the tip
 
-    def at_arc(self, arc: float) -> TipPosition:
+    def at_arc(self, arc: float) -> ContactPosition:
         """Return the equations with the tip at a path length."""
         full_segments, tip = self.cut_path.at(arc)
         return self.at_point(tip, full_segments)
 
-    def front(self) -> TipPosition:
+    def front(self) -> ContactPosition:
         """Return the equations with the tip at the crack front."""
         if self._front is None:
             self._front = self.at_point(self.cut_path.crack_front, self.cut_path.count)
@@ -166,7 +182,7 @@ class StepEquations:
             self.contact.set_active(self.cut_path.count)
         return self._front
 
-    def at_point(self, tip: Vector, full_segments: int) -> TipPosition:
+    def at_point(self, tip: Vector, full_segments: int) -> ContactPosition:
         """Return the equations with the tip at a material point after the full segments."""
         self.evaluations += 1
         contact, instrument, axis = self.contact, self.instrument, self.instrument.axis
@@ -181,7 +197,7 @@ class StepEquations:
         stiffness = instrument.lateral_penalty * length
         own = self._field.means(LinearFunctionals(weights.nodes, weights.rows[1:]))[0, 0]
         friction = instrument.friction_at(weights) * length
-        return TipPosition(
+        return ContactPosition(
             tip=tip,
             full_segments=full_segments,
             length=length,
@@ -195,13 +211,17 @@ class StepEquations:
     def _sliding(self, count: int) -> tuple[AxialCompliance, Floats]:
         """Return the axial compliance of the first segments, and their initial displacement, m."""
         if count not in self._slidings:
-            known = self._initial_displacement[:count, 0]
-            more = [
-                self._field.means(LinearFunctionals(segment.nodes, segment.weights[None]))[0, 0]
-                for segment in self.contact.segments[len(known) : count]
-            ]
-            self._slidings[count] = (self.contact.sliding(), np.append(known, more))
+            self._slidings[count] = (self.contact.sliding(), self._before(count))
         return self._slidings[count]
+
+    def _before(self, count: int) -> Floats:
+        """Return the axial displacement of the first segments at the start of the step, m."""
+        known = self._initial_displacement[:count, 0]
+        more = [
+            self._field.means(LinearFunctionals(segment.nodes, segment.weights[None]))[0, 0]
+            for segment in self.contact.segments[len(known) : count]
+        ]
+        return np.append(known, more)
 
     def _inertial_lag(self, full_segments: int, travel: float) -> Floats | None:
         """Return how far slipping segments stay behind the needle if they begin to stick, m.
@@ -241,12 +261,14 @@ class StepEquations:
 
     # forces for a position of the tip
 
-    def solve(self, position: TipPosition, depth: float, low: float, high: float) -> StepSolution:
+    def solve(
+        self, position: ContactPosition, depth: float, low: float, high: float
+    ) -> StepSolution:
         """Solve for the friction forces, and for the tip force between bounds.
 
         Parameters
         ----------
-        position : TipPosition
+        position : ContactPosition
         depth : float, m
         low, high : float, N (N/m in 2D)
             Bounds of the axial tip force. They may be equal or infinite.
@@ -270,7 +292,64 @@ class StepEquations:
         self._guess = forces
         lateral_gap = axis.lateral_offset(position.tip) + shaft.lateral_tip_displacement(forces)
         axial_gap, slipped = -float(gaps[-1]), friction_step.after(slip)
-        return StepSolution(position, depth, forces, slip, slipped, axial_gap, lateral_gap)
+        lateral = shaft.lateral(forces)
+        return StepSolution(position, depth, forces, lateral, slip, slipped, axial_gap, lateral_gap)
+
+    # Kernel: conditions under which return mapping leaves all friction forces at the kinetic limit.
+    #     ds - du.e + eps (q_0 - q) > 0,    tau_s(slip since sticking) = tau_k,    q = tau_k
+    # ds    travel of the needle in the step, m
+    # du.e  axial displacement of a segment in the step, m
+    # eps   compliance of its tangential penalty, m/N (0 without penalty)
+    # q_0, q        friction force before and after the step, N (N/m in 2D)
+    # tau_s, tau_k  present limit and kinetic limit of the friction force, N (N/m in 2D)
+    # Source: optimality conditions of equation (10) in docs/theory.md.
+    def all_slipping(self, step: TipSolution) -> StepSolution | None:
+        """Return a step of path following as a solution of these equations.
+
+        None if it is not one: a segment sticks, or its friction still weakens.
+
+        Parameters
+        ----------
+        step : TipSolution
+            A step from the last vertex of the cut path, with the friction of all segments at its
+            kinetic limit.
+        """
+        contact, cut_path, count = self.contact, self.cut_path, self.cut_path.count
+        weights, length = (
+            step.trial.weights,
+            float(np.linalg.norm(step.tip - cut_path.vertices[-1])),
+        )
+        position = TipPosition(
+            tip=step.tip,
+            full_segments=count,
+            length=length,
+            trial=step.trial,
+            kinetic=np.append(cut_path.kinetic, step.friction),
+            cutting_force=step.cutting_force,
+        )
+        lateral = contact.lateral_forces(step.trial, step.forces)
+        displacement = contact.displacements(lateral, step.trial, step.forces)[:, 0]
+        own = self._field.means(LinearFunctionals(weights.nodes, weights.rows[1:]))[0, 0]
+        before = np.append(self._before(count), own)
+        after = np.append(displacement[:count], displacement[count + 1])
+        lengths = np.append(np.diff(cut_path.arcs, prepend=0.0), length)
+        released = self._initial_friction(position) - position.kinetic
+        slip = step.depth - self.depth - (after - before)
+        slip = slip + self.friction.slack(lengths) * released
+        slipped = cut_path.slip_since_stick[: count + 1]
+        limits = self.friction.limits(position.kinetic, slipped)
+        if np.any(limits > position.kinetic * (1.0 + SAME_LIMIT)) or np.any(slip[1:] <= STUCK):
+            return None
+        return StepSolution(
+            position=position,
+            depth=step.depth,
+            forces=np.append(position.kinetic, step.tip_force),
+            lateral=step.lateral,
+            slip=slip,
+            slipped=np.abs(slip) + np.where(slip >= 0.0, slipped, 0.0),
+            axial_gap=0.0,
+            lateral_gap=step.residual,
+        )
 
 
 def _resized(guess: Floats, like: Floats) -> Floats:

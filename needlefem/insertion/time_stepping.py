@@ -132,9 +132,8 @@ class TimeStepping:
                 )
                 self._stick_resolution_checked = True
             start = (now.time, now.depth)
-            while (
-                now := self._progress.state
-            ).time < time_step.time or now.depth != time_step.depth:
+            while self._ends_before(time_step):
+                now = self._progress.state
                 if not self.tissue_response.rate_independent and now.time > start[0]:
                     time_step = time_step._replace(
                         duration=time_step.time - now.time
@@ -144,6 +143,28 @@ class TimeStepping:
                 yield from self._advance(time_step, start, halvings)
         elif time_step.releases:
             yield self._progress.release(time_step.releases)
+
+    def _ends_before(self, time_step: TimeStep) -> bool:
+        """Say whether the state is before the end of a time step; a path step may be beyond it."""
+        now = self._progress.state
+        if time_step.stage_end is not None and now.depth > time_step.depth:
+            return now.time < time_step.time
+        return now.time < time_step.time or now.depth != time_step.depth
+
+    def _follow_path(self, time_step: TimeStep, start: tuple[float, float]) -> State | None:
+        """Take a step of path following towards the end of the stage, or return None.
+
+        Rate-independent tissue needs no time steps while the needle cuts and all segments slip.
+        """
+        end = time_step.stage_end or time_step
+        trial = self._progress.path_step(end.depth)
+        if trial is None:
+            return None
+        time = end.time if trial.depth == end.depth else time_step.time_at(trial.depth, start)
+        found = self._progress.found(trial, time)
+        if self._gains_energy(found, GIVES):
+            return None
+        return self._accept(found, end)
 
     def _advance(
         self, time_step: TimeStep, start: tuple[float, float], halvings: int
@@ -157,6 +178,11 @@ class TimeStepping:
             self._progress.arc,
             self.tissue_response.rate_independent,
         )
+        if rate_independent:
+            state = self._follow_path(time_step, start)
+            if state is not None:
+                yield state
+                return
         equations = self._progress.equations()
         new = trial_step(equations, old.tip_phase, arc, time_step.depth)
         room = np.inf

@@ -245,7 +245,7 @@ class TipSolver:
         contact: CondensedContact,
         warm_start: WarmStart | None = None,
     ) -> None:
-        self._instrument, self._contact = instrument, contact
+        self._instrument, self.contact = instrument, contact
         self._warm_start = warm_start or WarmStart(instrument.axis.entry)
         lateral = len(instrument.axis.lateral_directions)
         self._slope = np.zeros(lateral)
@@ -390,7 +390,7 @@ class TipSolver:
         last, forward = start.point, math.sqrt(length**2 - sideways @ sideways)
         tip = last + forward * axis.direction + sideways @ axis.lateral_directions
         weights = instrument.tip_and_segment(tip, last)
-        trial = self._contact.trial(weights)
+        trial = self.contact.trial(weights)
         limit, friction = instrument.resistance(weights)
         friction *= length
         penalty = 1.0 / (instrument.lateral_penalty * length)
