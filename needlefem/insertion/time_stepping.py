@@ -76,6 +76,7 @@ class TimeStepping:
         self.outcome = Outcome(Status.STOPPED, "ended before the end of the motion")
         self._progress = Progress(instrument, tissue_response, model, friction)
         self._stick_resolution_checked = False
+        self._reached: TimeStep | None = None
 
     @property
     def energy_balance(self) -> EnergyBalance:
@@ -102,6 +103,8 @@ class TimeStepping:
         try:
             yield self._progress.state
             for time_step in time_steps:
+                if time_step is self._reached:
+                    continue
                 if time_step.time > self._progress.state.time or time_step.releases:
                     yield from self._take_time_step(time_step)
             sentence = f"the motion ended at {100.0 * self._progress.state.depth:.4g} cm"
@@ -164,6 +167,8 @@ class TimeStepping:
         found = self._progress.found(trial, time)
         if self._gains_energy(found, GIVES):
             return None
+        if trial.depth == end.depth:
+            self._reached = end
         return self._accept(found, end)
 
     def _advance(

@@ -323,3 +323,38 @@ def test_a_penalty_that_is_too_stiff_is_refused_with_one_that_is_not(organ: Scen
 def test_motions_that_can_not_be(gel: Scene, stages: tuple[Any, ...], says: str) -> None:
     with pytest.raises(CaseError, match=says):
         moving(gel, *stages)
+
+
+@pytest.mark.parametrize("prescribed", [False, True])
+def test_quasi_static_steps_follow_the_path(paper_scene: Scene, prescribed: bool) -> None:
+    """Whole segments at the cost of path following, and the same path where time steps are given."""
+    followed = Simulation(paper_scene)
+    path = followed.insert(followed.entry_of_case())
+    changes: dict[str, Any] = {"discretization.integrator": "quasi_static"}
+    if prescribed:
+        changes["discretization.time_step"] = 1.0
+    stepped = Simulation(vary(paper_scene, changes))
+    found = stepped.insert(stepped.entry_of_case())
+    segments = len(found.segments)
+    if prescribed:
+        assert len(found.states) > 2 * segments
+    else:
+        assert found.contact_solves <= 5 * segments
+    assert found.outcome.status == "completed"
+    assert found.depths[-1] == path.depths[-1]
+    nearest = np.linalg.norm(found.tips[:, None] - path.tips, axis=2).min(axis=0)
+    assert nearest.max() <= 1e-10
+    assert found.states[-1].force == pytest.approx(path.states[-1].force, rel=1e-9)
+
+
+def test_seeds_are_released_at_the_ends_of_path_steps(organ: Scene) -> None:
+    """A path step passes time steps, but neither the end of a stage nor a seed."""
+    stages = (Stage(depth=0.011, release="one"), Stage(depth=0.0173, release="two"))
+    found = simulate(vary(organ, {"motion.stages": stages}))
+    assert [seed.name for seed in found.seeds] == ["one", "two"]
+    assert found.depths[-1] == 0.0173
+    assert np.any(found.depths == 0.011)
+    times = np.array([state.time for state in found.states])
+    assert np.all(np.diff(times) >= 0.0)
+    speed = organ.motion.speed
+    assert times == pytest.approx(found.depths / speed, abs=1e-9)
