@@ -433,7 +433,7 @@ class _Side:
         return travel - sign * (float(self.tip_elsewhere[0]) - self.own.tip_displacement)
 
     def lateral_tip_work(self) -> float:
-        """Return the lateral force of a tip on uncut skin times its displacement elsewhere, J."""
+        """Return lateral tip force (on uncut skin) times displacement at the other end, J."""
         return float(self.own.tip_lateral @ self.tip_elsewhere[1:])
 
     def lateral_activation(self, segments: Sequence[ContactSegment]) -> float:

@@ -258,9 +258,9 @@ class PathFollowing:
     def _at_max_depth(self, beyond: TipSolution) -> TipSolution:
         """Return the step to the requested depth: a part of a step that ends beyond it.
 
-        Its length is found by inverse interpolation through the last three trial lengths, within
-        brackets. The initial slope is interpolated between those of the trials. Far from the
-        requested depth the lateral equation is solved with a larger tolerance.
+        Its length is found by bracketed inverse interpolation through the last three trial lengths.
+        The initial slope is interpolated between those of the trials. Far from the requested depth
+        the lateral equation is solved with a larger tolerance.
         """
         last, goal = self.states[-1], self.max_depth
         low, high = 0.0, self._length(beyond)

@@ -236,7 +236,7 @@ class Insertion:
     instrument : NeedleInterface
         The needle on its axis.
     outcome : Outcome
-        How the insertion ended. Any status can have states.
+        How the insertion ended. The states up to the end exist for each status.
     states : tuple of State
         All states from the first contact with the skin.
     segments : tuple of ContactSegment

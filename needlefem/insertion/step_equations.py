@@ -243,7 +243,7 @@ class StepEquations:
         return found
 
     def _initial_friction(self, position: TipPosition) -> Floats:
-        """Return the friction forces at the start of the step, on the segments in use at its end.
+        """Return the initial friction forces on the segments that contain the needle at the end.
 
         With a tangential penalty, the force per length of a sticking partial segment is unchanged
         when the tip is retracted in it. Material that is cut in the step carries no initial force.

@@ -261,9 +261,9 @@ def press_skin(
 
 
 def fixed_point_forces(contact: CondensedContact, trial: ContactTrial, depth: float) -> Floats:
-    """Return the forces, pulling or pushing, with a material point at the tip, N (N/m in 2D).
+    """Return the tip forces, of either sign, that keep a material point at the tip.
 
-    Shape (dim,).
+    Shape (dim,), N (N/m in 2D).
     """
     position = np.zeros(contact.dim)
     position[0] = depth
