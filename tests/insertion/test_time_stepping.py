@@ -327,7 +327,7 @@ def test_motions_that_can_not_be(gel: Scene, stages: tuple[Any, ...], says: str)
 
 @pytest.mark.parametrize("prescribed", [False, True])
 def test_quasi_static_steps_follow_the_path(paper_scene: Scene, prescribed: bool) -> None:
-    """Whole segments at the cost of path following, and the same path where time steps are given."""
+    """Full segments at the cost of path following; the same path with given time steps."""
     followed = Simulation(paper_scene)
     path = followed.insert(followed.entry_of_case())
     changes: dict[str, Any] = {"discretization.integrator": "quasi_static"}
