@@ -21,17 +21,18 @@ from needlefem.scene.resolve import resolve
 from needlefem.scene.schema import Scene
 
 AREA_LOST = 0.25
-"""Share of a region's area by which fitted cells may differ: chords of a circle of 7 are less."""
+"""Largest relative difference of area between a region and its fitted cells; that of a circle with
+seven chords is less."""
 TRIALS = 8
 MOST_EDGES = 4000
-"""Where a size along contours is looked for at which they can be fitted."""
+"""Largest number of edges along contours on the meshes where a remedy is searched."""
 QUADRILATERAL = "quadrilateral"
 THREE_OF_A_TRIANGLE = 6.0**0.5
-"""Size of a triangle over that of the three quadrilaterals which it is cut into."""
+"""Size of a triangle over that of the three quadrilaterals made of it."""
 
 
 def build_mesh(scene: Scene) -> SkfemMesh:
-    """Return the scene's mesh: box, refined, fitted, with named regions and faces."""
+    """Return the mesh of a scene: box, refined, fitted, with named regions and faces."""
     doing("building the mesh")
     wanted = scene.mesh
     check_mesh(scene)
@@ -85,7 +86,10 @@ def _box_cells(
 
 
 def _check_area(mesh: SkfemMesh, name: str, contour: Contour) -> None:
-    """Refuse a contour whose fitted cells have another area: it has parts thinner than they."""
+    """Raise a `CaseError` if the fitted cells of a contour differ from it in area.
+
+    This happens where parts of the contour are thinner than the cells.
+    """
     inside = contour.contains(mesh.p[:, mesh.t].mean(axis=1).T)
     area = float(np.sum(cell_measures(mesh)[inside]))
     if abs(area - contour.area) > AREA_LOST * contour.area:
@@ -95,9 +99,9 @@ def _check_area(mesh: SkfemMesh, name: str, contour: Contour) -> None:
 
 
 def _fitting_size(scene: Scene, wanted: BoxMesh, contours: Mapping[str, Contour]) -> str:
-    """Return the remedy for contours that could not be fitted: a size at which they can.
+    """Return the remedy for contours that could not be fitted: a size at which fitting succeeds.
 
-    It is tried, on meshes of at most `MOST_EDGES` edges along the contours.
+    The size is tested on meshes of at most `MOST_EDGES` edges along the contours.
     """
     origin = wanted.origin or (0.0,) * scene.dim
     squares = np.array(wanted.size) / np.array(wanted.divisions)
@@ -140,7 +144,7 @@ def _check_contours(contours: Mapping[str, Contour], low: Floats, size: Floats) 
 
 
 def _check_contours_in(mesh: SkfemMesh, contours: Mapping[str, Contour]) -> None:
-    """Refuse contours with a corner farther outside a mesh than its cells are large."""
+    """Raise a `CaseError` if a corner of a contour is outside a mesh by more than a cell size."""
     if not contours:
         return
     around = generation.outline(mesh, np.arange(mesh.nelements))
@@ -180,7 +184,7 @@ def _contour_sizes(
 
 
 def _corridor(scene: Scene, wanted: BoxMesh) -> tuple[Points, Points]:
-    """Return the ends of the needle's line from the box's boundary to the corridor's depth."""
+    """Return the ends of the needle axis from the boundary of the box to the corridor depth."""
     direction = np.array(scene.motion.direction)
     point = scene.motion.entry or scene.target
     if point is None:

@@ -9,12 +9,12 @@ from needlefem.validation import Validated, parameter
 
 Coordinates = tuple[float, ...]
 FLATTEST = 1000.0
-"""Largest ratio of the edges of a box's squares: flatter ones are inaccurate."""
+"""Largest aspect ratio of the squares of a box; flatter ones are inaccurate."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Refinement(Validated):
-    """Local refinement of the mesh; a size of 0 leaves it as it is."""
+    """Local refinement of the mesh; a size of 0 means no refinement."""
 
     TABLE = "mesh.refine"
 
@@ -48,7 +48,7 @@ class Refinement(Validated):
 class BoxMesh(Validated):
     """A box of triangles or quadrilaterals from a regular grid.
 
-    Quadrilaterals refined or fitted somewhere are made from triangles, three of each.
+    If quadrilaterals are refined or fitted, they are made of triangles, three of each.
     """
 
     TABLE = "mesh"
@@ -84,7 +84,7 @@ class BoxMesh(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FileMesh(Validated):
-    """A mesh from a file that meshio reads, with named groups of cells and faces."""
+    """A mesh from a file, with named groups of cells and faces."""
 
     TABLE = "mesh"
 
@@ -108,7 +108,7 @@ TISSUE_ALONE = dict.fromkeys(
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Discretization(Validated):
-    """Numbers of the method."""
+    """Numerical parameters."""
 
     TABLE = "discretization"
 
@@ -200,7 +200,7 @@ class Rayleigh(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Limits(Validated):
-    """How much work a scene may ask for; what is estimated to take more is refused at once."""
+    """Largest work of a scene; a scene with a larger estimate is refused before the computation."""
 
     TABLE = "limits"
 

@@ -14,18 +14,18 @@ from needlefem.scene.discretization import BoxMesh, Limits
 from needlefem.scene.schema import Scene
 
 BYTES_PER_UNKNOWN = 7e3
-"""Mesh, stiffness, its factor and the responses, for an unknown: measured 4 to 7 kB."""
+"""Memory of mesh, stiffness, factor and compliances per unknown: measured 4 to 7 kB."""
 BYTES_PER_PAIR = 100.0
 """Measured memory of the dense contact matrices for each pair of contact segments."""
 CELLS_PER_SQUARE = {"diagonal": 2, "crossed": 4, "quadrilateral": 1}
 SPLIT = 3
-"""Quadrilaterals that a triangle is cut into where a box of them is refined or fitted."""
+"""Number of quadrilaterals made of each triangle where a box of them is refined or fitted."""
 VERTICES_PER_CELL = {"triangle": 0.5, "quadrilateral": 1.0}
 EDGES_PER_CELL = {"triangle": 1.5, "quadrilateral": 2.0}
 
 
 def check_scene(scene: Scene) -> None:
-    """Refuse a resolved scene whose needle would need more than its limits.
+    """Raise a `CaseError` if the needle of a resolved scene exceeds the scene's limits.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def check_scene(scene: Scene) -> None:
     Raises
     ------
     CaseError
-        With the estimate, and the key that changes it.
+        The message contains the estimate, and the key that changes it.
     """
     limits = scene.limits
     check_mesh(scene)
@@ -90,7 +90,7 @@ def check_cells(scene: Scene, cells: int, key: str, remedy: str) -> None:
 
 
 def unknowns_per_cell(scene: Scene) -> float:
-    """Return about how many unknowns a cell of a large mesh adds, from the element's row."""
+    """Return the approximate number of unknowns per cell in a large mesh of the scene."""
     if scene.discretization.element == "auto":  # P2 or Q2, or a mixed one that is hardly larger
         boxed = isinstance(scene.mesh, BoxMesh) and scene.mesh.pattern == "quadrilateral"
         return unknowns_of(element_row("Q2" if boxed else "P2"), scene.dim)
@@ -98,13 +98,13 @@ def unknowns_per_cell(scene: Scene) -> float:
 
 
 def unknowns_of(row: ElementType, dim: int) -> float:
-    """Return about how many unknowns a cell of an element adds in a large mesh of the plane."""
+    """Return the approximate number of unknowns of an element per cell in a large plane mesh."""
     found = dim * _dofs_per_cell(row.make(), row.cell)
     return found + (_dofs_per_cell(row.pressure(), row.cell) if row.pressure else 0.0)
 
 
 def check_count(count: int, key: str, limits: Limits, *, least: int = 1) -> None:
-    """Refuse a number of pictures, targets, seeds or points that makes no sense.
+    """Raise a `CaseError` for a number of pictures, targets, seeds or points out of range.
 
     Raises
     ------
@@ -118,22 +118,22 @@ def check_count(count: int, key: str, limits: Limits, *, least: int = 1) -> None
 
 
 def check_steps(steps: float, key: str, remedy: str, limits: Limits) -> None:
-    """Refuse a motion of more time steps than ``limits.steps``.
+    """Raise a `CaseError` if a motion needs more time steps than ``limits.steps``.
 
     Parameters
     ----------
     steps : float
-        Of a whole motion.
+        Number of steps of the whole motion.
     key : str
-        What makes them.
+        Key of the case that determines the number.
     remedy : str
-        What makes fewer.
+        Change that reduces the number.
     limits : Limits
 
     Raises
     ------
     CaseError
-        With their number.
+        The message contains the number of steps.
     """
     if steps > limits.steps:
         problem = f"the motion would take {steps:,.0f} time steps"

@@ -1,4 +1,4 @@
-"""Automatic choices for a scene: integrator, element, quadrature of the tip, skipped work."""
+"""Automatic choices for a scene: integrator, element, tip quadrature, omitted computations."""
 
 import dataclasses
 import math
@@ -13,14 +13,14 @@ from needlefem.scene.schema import Motion, Scene
 from needlefem.scene.varying import vary
 
 SLOW = 0.01
-"""Speed of the needle over that of shear waves up to which inertia moves the seed by less than
+"""Speed of the needle over that of shear waves below which inertia moves the seed by less than
 0.01 mm (``needlefem study dynamics``)."""
 SHORT = 1e-3
-"""Delay by damping, as part of an insertion, up to which it does so."""
+"""Delay due to damping, over the duration of an insertion, below which the effect is as small."""
 
 
 def integrator_for(scene: Scene, needs: str) -> tuple[str, str]:
-    """Return the integrator that the scene needs, from numbers known beforehand, and why."""
+    """Return the integrator that the scene needs, and the reason."""
     speed, wave, lag = fastest(scene.motion), slowest_wave(scene), damping_time(scene)
     duration = scene.motion.max_depth / speed
     if speed > SLOW * wave:
@@ -47,7 +47,7 @@ def fastest(motion: Motion) -> float:
 
 
 def slowest_wave(scene: Scene) -> float:
-    """Return the speed of the slowest shear wave, m/s; without end without mass somewhere."""
+    """Return the speed of the slowest shear wave, m/s; infinite if a material has no mass."""
     laws = scene.materials.values()
     if not all(law.density for law in laws):
         return math.inf
@@ -57,7 +57,8 @@ def slowest_wave(scene: Scene) -> float:
 def damping_time(scene: Scene) -> float:
     """Return the time by which damping delays the slowest motion, s.
 
-    That is ``c / k`` of a mode with half a wave over the largest depth; of ratios ``2 zeta / w``.
+    It is ``c / k`` of a mode with half a wavelength over the largest depth, or ``2 zeta / w`` of a
+    damping ratio.
     """
     said, wave = scene.damping, slowest_wave(scene)
     pairs = zip(said.frequencies, said.ratios, strict=False)
@@ -79,33 +80,33 @@ def needs_steps(scene: Scene) -> str:
 
 
 CHEAPEST = {"triangle": ("P2", "P2-P1", 0.46), "quadrilateral": ("Q2", "Q2-Q1", 0.485)}
-"""By shape of the cells: the element that is fastest to an accuracy, the mixed one that overtakes
-it before it locks, and the Poisson's ratio at which it does (``needlefem bench elements``)."""
+"""For each shape of cells: the element that is fastest to an accuracy, the mixed element, and the
+Poisson's ratio above which the mixed element is faster (``needlefem bench elements``)."""
 SHORT_SEGMENT = 0.75
 """Length of a contact segment over the element size above which sticking is smooth
 (``verification/friction/multiplier_noise.py``)."""
 POINTS_PER_NODE_DISTANCE = 3.5
-"""Quadrature points of the tip's kernel along the distance of two nodes: the error of a placement
-by them is then below a tenth of that by the mesh (``tests/needle/test_kernel_points.py``)."""
+"""Quadrature points of the tip kernel per distance of nodes: their placement error is less than a
+tenth of that of the mesh (``tests/needle/test_kernel_points.py``)."""
 FEWEST_KERNEL_POINTS, MOST_KERNEL_POINTS, MOST_IN_3D = 48, 1200, 400
 POINTS_ON_FILE_MESH = 400
-"""Of a mesh from a file, whose sizes are not known before it is read."""
+"""Quadrature points for a mesh from a file, whose sizes are not known before it is read."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Resolved:
-    """A concrete scene and why it is as it is.
+    """A scene without open choices, and the reasons for the choices.
 
     Parameters
     ----------
     scene : Scene
-        Without anything left to choose.
+        The scene with all choices made.
     reasons : dict
-        A sentence for every choice.
+        A sentence for each choice.
     skipped : dict
-        What the scene doesn't need, and why.
+        Computations that the scene does not need, and the reasons.
     warnings : tuple of str
-        What the user should know before believing a result.
+        Limitations of the results.
     """
 
     scene: Scene
@@ -115,7 +116,7 @@ class Resolved:
 
 
 def resolve(scene: Scene) -> Resolved:
-    """Return the scene with every 'auto' replaced, the reasons, the skips and the warnings."""
+    """Return the scene with each 'auto' replaced, the reasons, skipped work and warnings."""
     reasons: dict[str, str] = {}
     discretisation = _discretisation(scene, reasons)
     concrete = dataclasses.replace(scene, discretization=discretisation)
@@ -150,7 +151,7 @@ def _discretisation(scene: Scene, reasons: dict[str, str]) -> Discretization:
 
 
 def with_element(scene: Scene, name: str) -> Scene:
-    """Return the scene with another element; a box gets the cells that it lives on."""
+    """Return the scene with another element; a box mesh gets the cells of the element."""
     changes: dict[str, object] = {"discretization.element": name}
     cell = element_row(name).cell
     if isinstance(scene.mesh, BoxMesh) and cell != cell_shape(scene):
@@ -159,14 +160,14 @@ def with_element(scene: Scene, name: str) -> Scene:
 
 
 def cell_shape(scene: Scene) -> str:
-    """Return the shape of the cells that the scene's mesh will have."""
+    """Return the shape of the cells of the scene's mesh."""
     if isinstance(scene.mesh, FileMesh):
         return scene.mesh.cell
     return "quadrilateral" if scene.mesh.pattern == "quadrilateral" else "triangle"
 
 
 def _ratio(scene: Scene, material: Material) -> float:
-    """Return the Poisson's ratio that says how nearly incompressible a law is to elements.
+    """Return the Poisson's ratio of a law that determines whether an element locks.
 
     In plane stress the strain in the third direction is free, so that no element locks.
     """
@@ -181,14 +182,14 @@ def cheapest(ratio: float) -> tuple[str, ...]:
 
 
 def quadratic(scene: Scene) -> str:
-    """Return the quadratic element of the scene's cells, with a pressure only if it locks else."""
+    """Return the quadratic element of the scene's cells; a mixed one if the other would lock."""
     plain, mixed, _ = CHEAPEST[cell_shape(scene)]
     worst = max(_ratio(scene, material) for material in scene.materials.values())
     return plain if worst <= element_row(plain).poissons_ratio_limit else mixed
 
 
 def _element(scene: Scene) -> tuple[str, str]:
-    """Return the element that is fastest to an accuracy in the scene, and why."""
+    """Return the element that is fastest to an accuracy in the scene, and the reason."""
     plain, mixed, overtakes = CHEAPEST[cell_shape(scene)]
     worst = max(_ratio(scene, material) for material in scene.materials.values())
     if worst > overtakes:
@@ -197,7 +198,7 @@ def _element(scene: Scene) -> tuple[str, str]:
 
 
 def tip_quadrature_points(scene: Scene, row: ElementType) -> int:
-    """Return the quadrature points of the tip's kernel that a scene with an element needs."""
+    """Return the number of quadrature points of the tip kernel for a scene with an element."""
     size = tip_element_size(scene)
     if size is None:
         return POINTS_ON_FILE_MESH
@@ -208,9 +209,9 @@ def tip_quadrature_points(scene: Scene, row: ElementType) -> int:
 
 
 def tip_element_size(scene: Scene) -> float | None:
-    """Return the element size along the needle that the mesh is asked for, m.
+    """Return the requested element size along the needle, m.
 
-    None for a mesh from a file, which has the sizes that it has.
+    None for a mesh from a file, whose sizes are fixed.
     """
     mesh = scene.mesh
     if isinstance(mesh, FileMesh):

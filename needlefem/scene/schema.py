@@ -76,7 +76,7 @@ class Region(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Obstacle(Validated):
-    """What the needle has to keep away from: the inside of a contour, fixed in space."""
+    """A region that the needle must not touch: the inside of a contour, fixed in space."""
 
     TABLE = "obstacles.NAME"
 
@@ -179,7 +179,7 @@ class Stage(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Motion(Validated):
-    """A straight insertion at constant speed, or what stages or a table say."""
+    """A straight insertion at constant speed, or a motion given by stages or a table."""
 
     TABLE = "motion"
 
@@ -268,7 +268,7 @@ class TargetDraw(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Outputs(Validated):
-    """What is written."""
+    """Pictures and files that are written."""
 
     TABLE = "outputs"
 
@@ -288,10 +288,10 @@ class Outputs(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Expectation(Validated):
-    """A value that a result must have, and where it comes from.
+    """The expected value of a result, and its source.
 
-    `value` is a number or a point (then `tolerance` bounds the distance); without a tolerance
-    it is an upper bound.
+    `value` is a number or a point (then `tolerance` bounds the distance). Without a tolerance the
+    value is an upper bound.
     """
 
     TABLE = "expect"
@@ -313,7 +313,7 @@ class Expectation(Validated):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scene(Validated):
-    """All that a case says. Points are in metres, in the order of `axes`."""
+    """All inputs of a case. Points are in metres, in the order of `axes`."""
 
     TABLE = ""
 
@@ -355,7 +355,7 @@ class Scene(Validated):
 
     @property
     def contours(self) -> dict[str, Contour]:
-        """Contours of the regions that are no groups of a mesh file, in the case's order."""
+        """Contours of the regions that are not groups of a mesh file, in the order of the case."""
         return {n: region.contour for n, region in self.regions.items() if region.group is None}
 
     def check(self) -> None:
@@ -424,7 +424,7 @@ _POINT = ParameterInfo("A point", "length")
 
 
 def unit(direction: Coordinates, key: str) -> Coordinates:
-    """Return a direction as a unit vector, unchanged where it is one to round-off.
+    """Return a direction as a unit vector; unchanged if it has unit length up to round-off.
 
     Raises
     ------
@@ -448,12 +448,12 @@ def _known(key: str, what: str, name: str, known: Iterable[str]) -> None:
 
 
 def _contour(raw: Contour | ArrayLike, key: str) -> Contour:
-    """Return corners as a contour; one that is a contour as it is.
+    """Return corners as a contour; a contour is returned unchanged.
 
     Raises
     ------
     CaseError
-        Not finite numbers, two for each corner.
+        The corners are not pairs of finite numbers.
     """
     try:
         found = raw if isinstance(raw, Contour) else Contour(np.array(raw, dtype=float))
