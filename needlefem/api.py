@@ -9,6 +9,7 @@ from needlefem.casefile.load import load_case
 from needlefem.errors import CaseError, short
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion import simulation
+from needlefem.insertion.insertion_run import SaveAt
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Watch
 from needlefem.planning import plan as planning
@@ -33,13 +34,15 @@ def scene_of(case: Scene | str | Path) -> Scene:
     )
 
 
-def simulate(case: Scene | str | Path) -> Insertion:
+def simulate(case: Scene | str | Path, save: SaveAt | None = None) -> Insertion:
     """Simulate the motion of a scene's needle at its entry.
 
     Parameters
     ----------
     case : Scene, str or Path
         A scene, or the path of a case file.
+    save : SaveAt, optional
+        Which states are kept, and whether they hold the displacement of the tissue.
 
     Returns
     -------
@@ -53,7 +56,7 @@ def simulate(case: Scene | str | Path) -> Insertion:
     CheckFailedError
         The discretisation, or the needle in it, fails a check; no insertion is simulated.
     """
-    return simulation.simulate(scene_of(case))
+    return simulation.simulate(scene_of(case), save)
 
 
 def plan(

@@ -17,8 +17,9 @@ from needlefem.alterovitz2003.node_chain import (
     NoNodeError,
 )
 from needlefem.dynamics import Damping, KinematicState, Newmark
-from needlefem.errors import SimulationError
+from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.tissue_model import TissueModel
+from needlefem.insertion.insertion_run import SaveAt
 from needlefem.insertion.result import Insertion, Outcome, Status
 from needlefem.insertion.simulation import Simulation, Stop, Watch
 from needlefem.insertion.state import State, TipPhase
@@ -97,9 +98,20 @@ class NodeSimulation(Simulation):
         return TissueInTime(self.model, n.integrator, n.step, n.damping, refactor=n.refactor)
 
     def insert(
-        self, entry: Entry, stop: Stop | None = None, *, max_depth: float | None = None
+        self,
+        entry: Entry,
+        stop: Stop | None = None,
+        *,
+        max_depth: float | None = None,
+        save: SaveAt | None = None,
     ) -> Insertion:
-        """Simulate an insertion at the speed of the motion; see `Simulation.insert`."""
+        """Simulate an insertion at the speed of the motion; see `Simulation.insert`.
+
+        All states are kept, without the displacement of the tissue.
+        """
+        if save is not None:
+            problem = "not available with the conforming coupling of the 2003 method"
+            raise CaseError("save", problem, "leave it out")
         motion, needle = self.scene.motion, self.instrument(entry)
         self.insertions += 1
         try:

@@ -16,6 +16,7 @@ from needlefem.casefile.load import SavedCase, load_case, read_again
 from needlefem.cli.common import GOOD, named, progress, say, say_json, warn
 from needlefem.cli.ignored import refuse_unused_options
 from needlefem.errors import CaseError, short
+from needlefem.insertion.insertion_run import SaveAt
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation, Watch
 from needlefem.io.result_folder import probe
@@ -80,7 +81,7 @@ def _again(path: str, overrides: Sequence[str]) -> SavedCase:
 
 def _moved(scene: Scene, watch: Watch | None) -> Insertion:
     simulation = Simulation(scene, watch=watch)
-    return simulation.move(simulation.entry_of_case())
+    return simulation.move(simulation.entry_of_case(), SaveAt(fields=True))
 
 
 def _carried_out(again: SavedCase) -> Scene:

@@ -22,6 +22,7 @@ from needlefem.errors import NoRendererError
 from needlefem.insertion.cut_path import TipPoint
 from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.energy_balance import energy_terms
+from needlefem.insertion.insertion_run import KeptStates, SaveAt
 from needlefem.insertion.result import EnergyTerms, Insertion
 from needlefem.insertion.simulation import Discretised, Simulation, discretised
 from needlefem.insertion.strain_check import StrainCheck, validity
@@ -54,7 +55,8 @@ def main(options: argparse.Namespace) -> int:
     refuse_unused_keys(scene, "run")
     check_count(options.snapshots, "--snapshots", scene.limits, least=0)
     with result_of(options, "run") as result:
-        moved, record = _moved(scene, result)
+        save = SaveAt(fields=True if options.snapshots else None)
+        moved, record = _moved(scene, result, save)
         expected, why = judged(scene, record, "run")
         public = with_old_keys(record | expect_record(expected, why), "run")
         undrawn = None
@@ -87,7 +89,9 @@ class _Moved(NamedTuple):
     warnings: list[str]
 
 
-def _moved(scene: Scene, result: ResultFolder | None) -> tuple[_Moved, dict[str, object]]:
+def _moved(
+    scene: Scene, result: ResultFolder | None, save: SaveAt
+) -> tuple[_Moved, dict[str, object]]:
     """Return what the needle does, and its record."""
     watch = progress("moving")
     simulation = Simulation(scene, expected_insertions=1)
@@ -97,11 +101,11 @@ def _moved(scene: Scene, result: ResultFolder | None) -> tuple[_Moved, dict[str,
     if result is not None:
         result.begin()
         states = recorded_states(course, History(folder=result.path))
-    kept = []
+    kept = KeptStates(save, course)
     for state in states:
-        kept.append(state)
+        kept.add(state)
         watch(state)
-    insertion = course.result(tuple(kept))
+    insertion = kept.insertion()
     strains = validity(insertion, len(insertion.states) - 1)
     moved = _Moved(
         insertion=insertion,

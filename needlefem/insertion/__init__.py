@@ -12,7 +12,7 @@ from needlefem._exports import lazy_exports
 if TYPE_CHECKING:
     from needlefem.insertion.cut_path import TipPoint, TipTrajectory, TrajectoryInterval
     from needlefem.insertion.energy_balance import energy_terms
-    from needlefem.insertion.insertion_run import InsertionRun
+    from needlefem.insertion.insertion_run import InsertionRun, KeptStates, SaveAt
     from needlefem.insertion.motion_schedule import TimeStep
     from needlefem.insertion.path_following import PathFollowing
     from needlefem.insertion.response_in_time import DynamicResponse, ViscoelasticResponse
@@ -42,10 +42,12 @@ __all__ = [
     "Event",
     "Insertion",
     "InsertionRun",
+    "KeptStates",
     "LeftTissueError",
     "Outcome",
     "PathFollowing",
     "Rupture",
+    "SaveAt",
     "Seed",
     "Simulation",
     "State",
@@ -73,7 +75,7 @@ if not TYPE_CHECKING:
         __name__,
         cut_path="TipPoint TipTrajectory TrajectoryInterval",
         energy_balance="energy_terms",
-        insertion_run="InsertionRun",
+        insertion_run="InsertionRun KeptStates SaveAt",
         motion_schedule="TimeStep",
         path_following="PathFollowing",
         strain_check="StrainCheck validity",

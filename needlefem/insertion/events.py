@@ -43,11 +43,14 @@ class EventLog:
     events : list of Event
         A reader may remove the events that it has read.
     seeds : list of Seed
+    count : int
+        Number of events that were recorded.
     """
 
     def __init__(self, cut_path: CutPath, *, rate_independent: bool) -> None:
         self.events: list[Event] = []
         self.seeds: list[Seed] = []
+        self.count = 0
         self._cut_path, self._rate_independent = cut_path, rate_independent
         self._push = [(0.0, cut_path.instrument.axis.entry)]
         self._sticking = False
@@ -55,6 +58,7 @@ class EventLog:
     def record(self, kind: str, energy: float, at: State, name: str = "") -> None:
         """Append an event."""
         self.events.append(Event(kind, at.time, at.depth, at.tip, energy, name))
+        self.count += 1
 
     def record_deepest(self, state: State) -> None:
         """Store the material point at the tip if the depth is the largest so far."""

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from needlefem._arrays import Floats
 from needlefem.contact.condensed_contact import ContactSegment
+from needlefem.errors import CaseError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import CutPath
 from needlefem.insertion.energy_balance import energy_terms, released
 from needlefem.insertion.motion_schedule import motion_stages, time_steps
 from needlefem.insertion.path_following import PathFollowing
 from needlefem.insertion.result import Event, Insertion, Outcome, Status
-from needlefem.insertion.state import ContactField, State
+from needlefem.insertion.state import ContactField, State, load
 from needlefem.insertion.tip_solver import WarmStart
 from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
 from needlefem.needle.needle_interface import NeedleInterface
@@ -85,6 +87,93 @@ def longest_travel(scene: Scene) -> float:
     return longest
 
 
+MEMORY = 2e8
+"""Memory up to which displacements are kept where `SaveAt` leaves it open, bytes."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SaveAt:
+    """Which states of a motion are kept, and whether they hold the displacement of the tissue.
+
+    The first and the last state are always kept, all states of path following, the states in which
+    the phase of the tip changes, and those around ruptures and events.
+
+    Parameters
+    ----------
+    every : int
+        One of so many states of time stepping is kept.
+    times : sequence of float, s
+        The states before and after each of these times are kept as well.
+    fields : bool, optional
+        Whether the kept states hold the displacement. By default they do in tissue that depends on
+        time, as long as `MEMORY` suffices: there it can't be computed from the forces of a state.
+    """
+
+    every: int = 1
+    times: Sequence[float] = ()
+    fields: bool | None = None
+
+    def __post_init__(self) -> None:
+        """Raise a `CaseError` for a number of states below one, or times that are no numbers."""
+        if self.every < 1:
+            raise CaseError("SaveAt.every", f"{self.every} is below 1", "give 1, 2, ...")
+        if not np.all(np.isfinite(np.asarray(self.times, dtype=float))):
+            raise CaseError("SaveAt.times", "a time is not a finite number", "give times in s")
+
+
+class KeptStates:
+    """The states of a motion that `SaveAt` selects, while the motion runs.
+
+    Parameters
+    ----------
+    save : SaveAt
+    run : InsertionRun
+    """
+
+    def __init__(self, save: SaveAt, run: "InsertionRun") -> None:
+        self._save, self._run = save, run
+        self._fields = save.fields
+        if self._fields is None:
+            size = 8.0 * run.model.ndofs * max(run.expected_steps / save.every, 1.0)
+            self._fields = run.depends_on_time and size <= MEMORY
+        self.states: list[State] = []
+        self.numbers: list[int] = []
+        """Number of each kept state among all states of the motion."""
+        self._count = 0
+        self._last: State | None = None
+        self._occurrences = (0, 0)
+
+    def add(self, state: State) -> None:
+        """Take the next state of the motion."""
+        last, occurrences = self._last, self._run.occurrences
+        around = last is not None and (
+            occurrences != self._occurrences
+            or state.tip_phase is not last.tip_phase
+            or any(last.time <= time <= state.time for time in self._save.times)
+        )
+        if last is not None and around and self.numbers[-1] != self._count - 1:
+            self._keep(last, self._count - 1)
+        if self._fields:
+            state = dataclasses.replace(state, displacement=self._run.displacement())
+        if around or self._run.stepping is None or self._count % self._save.every == 0:
+            self._keep(state, self._count)
+        self._last, self._occurrences = state, occurrences
+        self._count += 1
+
+    def _keep(self, state: State, number: int) -> None:
+        self.states.append(state)
+        self.numbers.append(number)
+
+    def insertion(self) -> Insertion:
+        """Return the insertion with the states that were kept."""
+        if self._last is not None and self.numbers[-1] != self._count - 1:
+            self._keep(self._last, self._count - 1)
+        if self.states and self._run.depends_on_time and self.states[-1].displacement is None:
+            field = self._run.displacement()
+            self.states[-1] = dataclasses.replace(self.states[-1], displacement=field)
+        return self._run.result(tuple(self.states), self.numbers)
+
+
 class InsertionRun:
     """A motion of the needle in one tissue.
 
@@ -146,6 +235,30 @@ class InsertionRun:
             ):
                 return
         yield from self._time_step_states()
+
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether the displacement depends on more than the forces of the same state."""
+        return not self.tissue_response.rate_independent
+
+    @property
+    def occurrences(self) -> tuple[int, int]:
+        """Numbers of events and ruptures of time stepping so far."""
+        if self.stepping is None:
+            return 0, 0
+        return self.stepping.event_log.count, len(self.stepping.ruptures)
+
+    def displacement(self) -> Floats:
+        """Return the displacement of all dofs in the last state, shape (ndofs,), m."""
+        if self.stepping is not None:
+            field = self.tissue_response.displacement()
+            if field is not None:
+                return field
+            state, segments = self.stepping.state, self.stepping.segments
+        else:
+            assert self.path_following is not None
+            state, segments = self.path_following.states[-1], self.path_following.contact.segments
+        return self.model.solve(load(self.model, self.instrument.axis.frame, state, segments))
 
     @property
     def outcome(self) -> Outcome:
@@ -261,8 +374,15 @@ class InsertionRun:
         assert self.path_following is not None
         return self.path_following.result(self.scene, self.model)
 
-    def result(self, states: tuple[State, ...]) -> Insertion:
-        """Return the insertion with the states that were kept by the caller."""
+    def result(self, states: tuple[State, ...], numbers: Sequence[int] | None = None) -> Insertion:
+        """Return the insertion with the states that were kept by the caller.
+
+        Parameters
+        ----------
+        states : tuple of State
+        numbers : sequence of int, optional
+            Number of each of them among all states; by default all states were kept.
+        """
         outcome = self.outcome
         if outcome.status is Status.STOPPED and states:
             depth = f"a depth of {100.0 * states[-1].depth:.4g} cm"
@@ -272,7 +392,13 @@ class InsertionRun:
             events = self._events()
             return dataclasses.replace(found, outcome=outcome, states=states, events=events)
         stepping, path_following = self.stepping, self.path_following
-        ruptures = path_following.ruptures if path_following else []
+        ruptures = [*(path_following.ruptures if path_following else ()), *stepping.ruptures]
+        if numbers is not None:
+            places = [np.searchsorted(numbers, [r.first, r.last]).tolist() for r in ruptures]
+            ruptures = [
+                dataclasses.replace(rupture, first=first, last=last)
+                for rupture, (first, last) in zip(ruptures, places, strict=True)
+            ]
         return Insertion(
             scene=self.scene,
             model=self.model,
@@ -280,7 +406,7 @@ class InsertionRun:
             outcome=outcome,
             states=states,
             segments=tuple(stepping.segments),
-            ruptures=(*ruptures, *stepping.ruptures),
+            ruptures=tuple(ruptures),
             contact_solves=stepping.evaluations,
             events=(*self._events(), *self._taken_events, *stepping.event_log.events),
             seeds=tuple(stepping.event_log.seeds),

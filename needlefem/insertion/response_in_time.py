@@ -6,13 +6,13 @@ durations are kept.
 
 import dataclasses
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property, partial
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from needlefem._arrays import Floats, Ints, Vector
+from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.dynamics import (
     Damping,
@@ -22,16 +22,13 @@ from needlefem.dynamics import (
     TissueEnergyBalance,
     TissueSystem,
 )
-from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper, StaticStepper, at_rest
+from needlefem.dynamics.steppers import AlphaParameters, ImplicitStepper, StaticStepper
 from needlefem.errors import CaseError, SimulationError
 from needlefem.fem.compliance import ComplianceOperator
 from needlefem.fem.factorization import Factor
-from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.result import Insertion
-from needlefem.insertion.state import State, load
 from needlefem.insertion.tissue_response import ExpectedLoads, responses_of
-from needlefem.scene import DYNAMIC, Rayleigh, Scene
+from needlefem.scene import Rayleigh, Scene
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -114,6 +111,11 @@ class ViscoelasticResponse:
         for name in ("strain", "stored", "relaxation"):
             self._energies[name] = self._energies.get(name, 0.0) + getattr(increment, name)
         self._motion, self._forces, self._ended = new, force, True
+
+    def displacement(self) -> Floats:
+        """See `TissueResponse`."""
+        motion = self._motion
+        return np.zeros(self.model.ndofs) if motion is None else self.model.dof_vectors(motion.u)
 
     def energies(self) -> dict[str, float]:
         """See `TissueResponse`."""
@@ -276,6 +278,11 @@ class DynamicResponse:
             self._energies[name] += getattr(increment, name)
         self._forces = force
 
+    def displacement(self) -> Floats:
+        """See `TissueResponse`."""
+        motion = self.motion
+        return np.zeros(self.model.ndofs) if motion is None else self.model.dof_vectors(motion.u)
+
     def energies(self) -> dict[str, float]:
         """See `TissueResponse`."""
         return dict(self._energies)
@@ -308,91 +315,3 @@ def damping_of(rayleigh: Rayleigh) -> Damping:
         return Damping(mass_rate=rayleigh.mass_rate, stiffness_time=rayleigh.stiffness_time)
     first, second = rayleigh.frequencies
     return Damping.from_ratios((first, second), (rayleigh.ratios[0], rayleigh.ratios[1]))
-
-
-# Displacement in states of an insertion that has ended. It depends on the states before: the steps
-# of the insertion are repeated with the stored forces.
-
-
-Steps = Iterator[tuple[float, Floats]]
-"""Duration of each step, s, and the needle forces at its end, shape (ndofs,)."""
-SAME = 1e-6
-"""Tolerance of the tip displacement of a repeated step, relative to the largest displacement."""
-
-
-def _has_inertia(insertion: Insertion) -> bool:
-    return insertion.scene.discretization.integrator in DYNAMIC
-
-
-def repeated_displacements(insertion: Insertion, numbers: Ints) -> Floats:
-    """Return the displacements in some states by repeating all steps, shape (ndofs, n), m.
-
-    Parameters
-    ----------
-    insertion : Insertion
-        With all of its states.
-    numbers : array, shape (n,)
-        Numbers of the states.
-
-    Raises
-    ------
-    SimulationError
-        Earlier states of the insertion are missing.
-    """
-    model, frame = insertion.model, insertion.axis.frame
-    states = insertion.states[: int(np.max(numbers)) + 1]
-    times = np.array([state.time for state in states])
-    forces = (load(model, frame, state, insertion.segments) for state in states[1:])
-    steps = ((float(d), f) for d, f in zip(np.diff(times), forces, strict=True))
-    repeat = _dynamic_steps if _has_inertia(insertion) else _viscoelastic_steps
-    displacements = repeat(insertion, steps)
-    found, now = np.zeros((model.ndofs, len(numbers))), np.zeros(len(model.free_dofs))
-    for number, state in enumerate(states):
-        if number:
-            now = next(displacements)
-        columns = np.flatnonzero(numbers == number)
-        if columns.size:
-            found[:, columns] = model.dof_vectors(now)[:, None]
-            _check_displacement(insertion, state, found[:, columns[0]])
-    return found
-
-
-def _check_displacement(insertion: Insertion, state: State, displacement: Floats) -> None:
-    """Raise a `SimulationError` if a displacement disagrees with that of the tip in a state."""
-    nodal = insertion.model.nodal(displacement)
-    tip = LinearFunctionals(state.tip_nodes, state.tip_weights[None]).of(nodal)[0]
-    error = abs(float(tip @ insertion.axis.direction) - state.tip_displacement)
-    if error > SAME * max(float(np.abs(nodal).max()), abs(state.tip_displacement)):
-        raise SimulationError(
-            "the displacement of tissue that depends on time cannot be computed again: keep all "
-            "states of the insertion"
-        )
-
-
-def _dynamic_steps(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
-    """Yield the displacement of tissue with inertia after each step, shape (free dofs,), m."""
-    tissue_response = dynamic_response(insertion.scene, insertion.model)
-    now = np.zeros(len(insertion.model.free_dofs))
-    for duration, force in steps:
-        if duration > 0.0:
-            tissue_response.begin(duration)
-            tissue_response.finish(force)
-            assert tissue_response.motion is not None
-            now = tissue_response.motion.u
-        yield now
-
-
-def _viscoelastic_steps(insertion: Insertion, steps: Steps) -> Iterator[Floats]:
-    """Yield the displacement of viscoelastic tissue after each step, shape (free dofs,), m."""
-    model, system = insertion.model, TissueSystem(insertion.model)
-    start = motion = at_rest(system)
-    steppers: LeastRecentlyUsed[str, StaticStepper] = LeastRecentlyUsed()
-    stepper: StaticStepper | None = None
-    for duration, force in steps:
-        if duration > 0.0:
-            start, step = motion, duration
-            stepper = steppers.get(f"{step:.9e}", partial(StaticStepper, system, step))
-        if stepper is not None:  # forces at the same time act from the start of the same step
-            free = model.unknowns(force)
-            motion = stepper.step_under_load(start, free, free)
-        yield motion.u

@@ -15,7 +15,7 @@ from needlefem.errors import CaseError
 from needlefem.fem.compliance import ComplianceOperator, Corridor
 from needlefem.fem.factorization import lasting_state
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.insertion_run import InsertionRun, longest_travel
+from needlefem.insertion.insertion_run import InsertionRun, KeptStates, SaveAt, longest_travel
 from needlefem.insertion.motion_schedule import deepest
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.state import State
@@ -333,7 +333,12 @@ class Simulation:
         )
 
     def insert(
-        self, entry: Entry, stop: Stop | None = None, *, max_depth: float | None = None
+        self,
+        entry: Entry,
+        stop: Stop | None = None,
+        *,
+        max_depth: float | None = None,
+        save: SaveAt | None = None,
     ) -> Insertion:
         """Push the needle to a depth, or until `stop` returns True.
 
@@ -345,19 +350,20 @@ class Simulation:
         stop : callable, optional
         max_depth : float, m, optional
             The largest depth of the scene's motion when left out.
+        save : SaveAt, optional
         """
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
         if max_depth is not None:
             once = dataclasses.replace(once, max_depth=max_depth)
-        return self._run(self.insertion_run(entry, once), stop)
+        return self._run(self.insertion_run(entry, once), stop, save)
 
     def forget(self) -> None:
         """Start the next insertion without initial values from the last one."""
         self._warm_start = None
 
-    def move(self, entry: Entry) -> Insertion:
+    def move(self, entry: Entry, save: SaveAt | None = None) -> Insertion:
         """Simulate the complete motion of the scene from an entry."""
-        return self._run(self.insertion_run(entry), None)
+        return self._run(self.insertion_run(entry), save=save)
 
     def insertion_run(self, entry: Entry, motion: Motion | None = None) -> InsertionRun:
         """Return a motion of the needle that is ready to run.
@@ -396,26 +402,28 @@ class Simulation:
             return ViscoelasticResponse(self.model, self._expected_loads(1))
         return ElasticResponse(self.responses)
 
-    def _run(self, run: InsertionRun, stop: Stop | None) -> Insertion:
-        states = []
+    def _run(
+        self, run: InsertionRun, stop: Stop | None = None, save: SaveAt | None = None
+    ) -> Insertion:
+        kept = KeptStates(save or SaveAt(), run)
         doing(f"insertion {self.insertions + 1}")
         expect_steps(run.expected_steps)
         for state in run.iterate():
-            states.append(state)
+            kept.add(state)
             if self._watch is not None:
                 self._watch(state)
             if stop is not None and stop(state):
                 break
         self.insertions += 1
         expect_steps(0)
-        return run.result(tuple(states))
+        return kept.insertion()
 
 
-def simulate(scene: Scene) -> Insertion:
+def simulate(scene: Scene, save: SaveAt | None = None) -> Insertion:
     """Simulate the motion of a scene. Parameters, result and errors: see `needlefem.simulate`."""
     simulation = Simulation(scene, expected_insertions=1)
     simulation.check()
-    return simulation.move(simulation.entry_of_case())
+    return simulation.move(simulation.entry_of_case(), save)
 
 
 # Summary of the discretisation: element, mesh sizes, unknowns, path spacing.

@@ -9,6 +9,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.contact.condensed_contact import CondensedContact, ContactSegment, ContactTrial
+from needlefem.errors import SimulationError
 from needlefem.fem.interpolation import LinearFunctionals
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.cut_path import CutPath
@@ -73,6 +74,8 @@ class State:
     tip_phase : TipPhase
     tip_displacement : float, m
         Mean axial displacement over the tip kernel.
+    displacement : array, shape (ndofs,), m, optional
+        Displacement of the tissue, if the state was to hold it (`SaveAt`).
     seeds : array, shape (nseeds, dim), m
         Present positions in space of all seeds that were released before.
     """
@@ -93,6 +96,7 @@ class State:
     slipping: Ints | None = None
     tip_phase: TipPhase = TipPhase.CUTTING
     tip_displacement: float = 0.0
+    displacement: Floats | None = None
     seeds: Points = dataclasses.field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
@@ -236,14 +240,29 @@ def depends_on_time(insertion: "Insertion") -> bool:
 def displacements(insertion: "Insertion", states: Sequence[int]) -> Floats:
     """Return the displacement of all degrees of freedom in some states, shape (ndofs, nstates), m.
 
-    In elastic tissue the displacement is the equilibrium with the forces of the state. In tissue
-    that depends on time, all steps before the state are repeated (`response_in_time.py`).
-    """
-    if depends_on_time(insertion):
-        from needlefem.insertion.response_in_time import repeated_displacements  # noqa: PLC0415 (needs dynamics)
+    States that hold their displacement are read (`SaveAt`). That of other states is computed in
+    elastic tissue: it is in equilibrium with the forces of the state.
 
-        return repeated_displacements(insertion, np.asarray(states))
-    return insertion.model.solve(loads(insertion, states))
+    Raises
+    ------
+    SimulationError
+        A state of tissue that depends on time does not hold its displacement.
+    """
+    kept = [insertion.states[number].displacement for number in states]
+    missing = [n for n, (_, field) in enumerate(zip(states, kept, strict=True)) if field is None]
+    if not missing:
+        return np.column_stack([field for field in kept if field is not None])
+    if depends_on_time(insertion):
+        raise SimulationError(
+            f"state {states[missing[0]]} does not hold the displacement, which depends on all "
+            "states before it; simulate with save=SaveAt(fields=True)"
+        )
+    found = np.empty((insertion.model.ndofs, len(kept)))
+    found[:, missing] = insertion.model.solve(loads(insertion, [states[n] for n in missing]))
+    for column, field in enumerate(kept):
+        if field is not None:
+            found[:, column] = field
+    return found
 
 
 # Construction of a state from the solution of a step.

@@ -89,6 +89,11 @@ class TimeStepping:
         return self._progress.event_log
 
     @property
+    def state(self) -> State:
+        """The last accepted state."""
+        return self._progress.state
+
+    @property
     def segments(self) -> list[ContactSegment]:
         """Contact segments of the path cut so far."""
         return self._progress.segments

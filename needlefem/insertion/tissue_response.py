@@ -169,6 +169,13 @@ class TissueResponse(Protocol):
         """
         ...
 
+    def displacement(self) -> Floats | None:
+        """Return the displacement after the last step, shape (ndofs,), m.
+
+        None in rate-independent tissue: there it follows from the forces of the state.
+        """
+        ...
+
     def energies(self) -> dict[str, float]:
         """Return the energies that are computed from the tissue alone, by name, J (J/m in 2D)."""
         ...
@@ -191,6 +198,10 @@ class ElasticResponse:
 
     def finish(self, load: Floats) -> None:
         """See `TissueResponse`; elastic tissue stores no state."""
+
+    def displacement(self) -> Floats | None:
+        """See `TissueResponse`."""
+        return None
 
     def energies(self) -> dict[str, float]:
         """See `TissueResponse`."""

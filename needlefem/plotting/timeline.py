@@ -8,7 +8,7 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points
 from needlefem.insertion.result import Insertion
-from needlefem.insertion.state import TipPhase, depends_on_time, displacements
+from needlefem.insertion.state import TipPhase, displacements
 
 CHUNK = 64
 """Number of states whose displacements are computed together."""
@@ -143,8 +143,6 @@ class Timeline:
 
     def _fields(self, numbers: Ints) -> Floats:
         """Return the displacements of some states, shape (ndofs, n), m."""
-        if depends_on_time(self.insertion):
-            return displacements(self.insertion, numbers.tolist())  # one pass through all steps
         parts = [
             displacements(self.insertion, numbers[i : i + CHUNK].tolist())
             for i in range(0, len(numbers), CHUNK)

@@ -1,18 +1,20 @@
 """Strains of a state come from its own displacement."""
 
-import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from needlefem.errors import SimulationError
+from needlefem import simulate
+from needlefem.errors import CaseError, SimulationError
 from needlefem.fem import LinearFunctionals
 from needlefem.insertion import (
-    DynamicResponse,
     Insertion,
+    SaveAt,
     Simulation,
-    ViscoelasticResponse,
     displacements,
+    energy_terms,
+    insertion_run,
     load,
     validity,
 )
@@ -32,25 +34,22 @@ TISSUES = {
 
 @pytest.fixture(params=TISSUES)
 def run(gel: Scene, request: pytest.FixtureRequest) -> tuple[Insertion, np.ndarray]:
-    """Return an insertion, and the displacement that the tissue had at its end."""
+    """Return an insertion, and the displacement at its end from the forces of all its steps."""
     coarse = {"mesh.divisions": (10, 10), "motion.max_depth": 0.012}
-    simulation = Simulation(vary(gel, coarse | TISSUES[request.param]))
-    course = simulation.insertion_run(simulation.entry_of_case())
-    found = course.result(tuple(course.iterate()))
-    tissue_response = course.tissue_response
-    assert isinstance(tissue_response, ViscoelasticResponse | DynamicResponse)
-    motion = (
-        tissue_response.motion
-        if isinstance(tissue_response, DynamicResponse)
-        else tissue_response._motion
-    )
-    assert motion is not None
-    moved = np.zeros(found.model.ndofs)
-    moved[found.model.free_dofs] = motion.u
+    scene = vary(gel, coarse | TISSUES[request.param])
+    found = simulate(scene)
+    again = Simulation(scene)
+    tissue = again.insertion_run(again.entry_of_case()).tissue_response
+    for before, state in pairwise(found.states):
+        if state.time > before.time:
+            tissue.begin(state.time - before.time)
+            tissue.finish(load(found.model, found.axis.frame, state, found.segments))
+    moved = tissue.displacement()
+    assert moved is not None
     return found, moved
 
 
-def test_the_field_of_the_last_state_is_the_tissues(run: tuple[Insertion, np.ndarray]) -> None:
+def test_states_hold_the_displacement_of_the_tissue(run: tuple[Insertion, np.ndarray]) -> None:
     found, moved = run
     last = len(found.states) - 1
     own = displacements(found, [last, 3])[:, 0]
@@ -72,8 +71,49 @@ def test_strains_are_those_of_the_field(run: tuple[Insertion, np.ndarray]) -> No
     assert strains.largest_strain == pytest.approx(largest[away].max(), rel=1e-6)
 
 
-def test_missing_states_are_not_passed_over(run: tuple[Insertion, np.ndarray]) -> None:
-    found, _ = run
-    thinned = dataclasses.replace(found, states=found.states[::3])
-    with pytest.raises(SimulationError, match="keep all states"):
-        displacements(thinned, [len(thinned.states) - 1])
+def test_states_without_displacement_are_refused(gel: Scene) -> None:
+    coarse = {"mesh.divisions": (10, 10), "motion.max_depth": 0.012}
+    scene = vary(gel, coarse | TISSUES["viscoelastic"])
+    found = simulate(scene, SaveAt(fields=False))
+    assert found.states[-1].displacement is not None  # for the strains at the end
+    assert found.states[5].displacement is None
+    with pytest.raises(SimulationError, match=r"state 5 does not hold .*SaveAt\(fields=True\)"):
+        displacements(found, [5])
+
+
+def test_elastic_states_hold_the_equilibrium_if_asked(gel: Scene) -> None:
+    plain = simulate(gel)
+    found = simulate(gel, SaveAt(fields=True))
+    assert all(state.displacement is None for state in plain.states)
+    numbers = range(len(plain.states))
+    assert displacements(found, numbers) == pytest.approx(displacements(plain, numbers), abs=1e-15)
+
+
+def test_memory_limits_what_is_kept_by_default(gel: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(insertion_run, "MEMORY", 1e4)
+    scene = vary(gel, {"mesh.divisions": (10, 10)} | TISSUES["viscoelastic"])
+    found = simulate(vary(scene, {"motion.max_depth": 0.006}))
+    held = [state.displacement is not None for state in found.states]
+    assert held == [False] * (len(held) - 1) + [True]
+
+
+def test_some_states_are_kept(popping: Scene) -> None:
+    """Of time stepping one of five, with those around ruptures, events and given times."""
+    scene = vary(popping, {"discretization.integrator": "quasi_static"})
+    scene = vary(scene, {"discretization.time_step": 0.05})
+    every = simulate(scene)
+    speed = scene.motion.speed
+    times = (0.011 / speed,)
+    found = simulate(scene, SaveAt(every=5, times=times))
+    assert len(found.states) < 0.6 * len(every.states)
+    assert found.states[-1].depth == every.states[-1].depth
+    assert len(found.ruptures) == len(every.ruptures) > 0
+    for one, other in zip(found.ruptures, every.ruptures, strict=True):
+        for a, b in ((one.first, other.first), (one.last, other.last)):
+            assert found.states[a].tip == pytest.approx(every.states[b].tip)
+    depths = found.depths
+    assert any(a <= 0.011 <= b for a, b in pairwise(depths))
+    assert np.diff(depths)[np.searchsorted(depths, 0.011) - 1] < 2.1 * 0.05 * speed
+    assert energy_terms(found).work == pytest.approx(energy_terms(every).work, rel=1e-12)
+    with pytest.raises(CaseError, match=r"SaveAt.every: 0 is below 1"):
+        SaveAt(every=0)

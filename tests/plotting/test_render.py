@@ -16,8 +16,8 @@ from needlefem.alterovitz2003.figures import turned
 from needlefem.cli.main import main
 from needlefem.cli.render import replay
 from needlefem.errors import CaseError, NoRendererError
-from needlefem.fem import CellFields
-from needlefem.insertion import Insertion, displacements, loads
+from needlefem.fem import CellFields, TissueModel
+from needlefem.insertion import Insertion, SaveAt, displacements, loads, validity
 from needlefem.materials import Viscoelastic
 from needlefem.plotting import (
     QUANTITIES,
@@ -33,6 +33,7 @@ from needlefem.plotting import (
     panels,
     renderer,
     synthetic_ultrasound,
+    write_snapshots,
 )
 from needlefem.plotting.quantities import scale_of
 from needlefem.plotting.view import whole
@@ -54,6 +55,23 @@ def test_film_passes_through_the_states(pushed: Insertion) -> None:
         )
     np.testing.assert_allclose(film.moments([np.inf])[0].seeds, pushed.states[-1].seeds)
     assert film.time_at(0.02) == pytest.approx(0.02 / pushed.scene.motion.speed)
+
+
+def test_film_strains_and_snapshots_solve_nothing(
+    organ: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """States that hold their displacement are read: no factor is asked for a solution."""
+    stages = (Stage(depth=0.02), Stage(depth=0.012, release="train", seed_count=2,
+                                       seed_spacing=0.005), Stage(depth=-1e-3))  # fmt: skip
+    found = simulate(vary(organ, {"motion.stages": stages}), SaveAt(fields=True))
+    solves = []
+    monkeypatch.setattr(found.model.factor, "solve", lambda rhs: solves.append(rhs.shape))
+    monkeypatch.setattr(TissueModel, "solve", lambda _, loads: solves.append(loads.shape))
+    animate(found, tmp_path / "film.gif", frames=4, shot=RenderOptions(size=SIZE))
+    write_snapshots(found, tmp_path / "out", 3)
+    for number in (3, len(found.states) - 1):
+        validity(found, number)
+    assert solves == []
 
 
 TIMELY: dict[str, dict[str, object]] = {
