@@ -178,7 +178,7 @@ class CondensedContact:
         )
 
     def _forward(self, rhs: Floats) -> Floats:
-        """Return ``L^-1 rhs``."""
+        """Return ``L^-1 rhs`` with the Cholesky factor L of the active segments."""
         if not self.active_segments:
             return rhs
         solved, _ = dtrtrs(self._factor, rhs, lower=1)
