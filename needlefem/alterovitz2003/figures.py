@@ -13,10 +13,10 @@ from needlefem.io.result_folder import write_text
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, Release
 from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.figures import draw_depth, draw_height, planner_of
+from needlefem.plotting.charts import draw_depth, draw_height
+from needlefem.plotting.figures import draw_stages, planner_of
 from needlefem.plotting.images import Style, renderer, save
 from needlefem.plotting.panel import Panel, Window
-from needlefem.plotting.stages import draw_stages
 from needlefem.plotting.timeline import Timeline
 from needlefem.plotting.view import TissueView, ViewOptions
 from needlefem.scene import Scene

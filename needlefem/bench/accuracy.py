@@ -17,7 +17,7 @@ from needlefem.errors import CaseError
 from needlefem.planning.adaptive import ReferenceSolution
 from needlefem.planning.plan import plan
 from needlefem.planning.result import Plan, PlanStatus
-from needlefem.plotting.verification_report import ChartLine, loglog
+from needlefem.plotting.charts import ChartLine, loglog
 from needlefem.scene import BoxMesh, Scene, contour_sizes, vary
 from needlefem.scene.resolve import resolve, with_element
 

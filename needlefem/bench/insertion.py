@@ -16,7 +16,7 @@ from needlefem.errors import CaseError
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
 from needlefem.mesh.surface import Entry
-from needlefem.plotting.verification_report import Bar, bars
+from needlefem.plotting.charts import Bar, bars
 
 _Profile = dict[tuple[str, int, str], tuple[int, int, float, float, object]]
 """Calls, their own and their whole time, and callers, by file, line and function."""

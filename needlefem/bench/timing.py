@@ -5,7 +5,7 @@ import statistics
 import time
 from collections.abc import Callable, Mapping
 
-from needlefem.plotting.verification_report import Bar, bars
+from needlefem.plotting.charts import Bar, bars
 
 LONG = 1.0
 """Seconds after which a task is not repeated any more."""

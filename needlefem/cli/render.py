@@ -23,8 +23,8 @@ from needlefem.io.result_folder import probe
 from needlefem.planning.plan import turned
 from needlefem.plotting.figures import draw_setup
 from needlefem.plotting.images import MOVING, STILLS, renderer, require_kind
-from needlefem.plotting.quantities import quantity
 from needlefem.plotting.render import RenderOptions, animate, panels, render
+from needlefem.plotting.view import quantity
 from needlefem.scene import Motion, Scene, Stage
 from needlefem.scene.limits import check_count
 from needlefem.units import parse_quantity

@@ -40,7 +40,7 @@ from needlefem.io.records import (
 from needlefem.io.result_folder import ResultFolder, write_json
 from needlefem.io.vtu import History, recorded_states
 from needlefem.needle.clearance import passings
-from needlefem.plotting.figures import draw_forces, draw_sticking
+from needlefem.plotting.charts import draw_forces, draw_sticking
 from needlefem.plotting.render import write_snapshots
 from needlefem.scene import Scene
 from needlefem.scene.limits import check_count

@@ -10,20 +10,21 @@ from typing import TYPE_CHECKING
 from needlefem._exports import lazy_exports
 
 if TYPE_CHECKING:
-    from needlefem.plotting.canvas import Canvas
-    from needlefem.plotting.figures import (
+    from needlefem.plotting.canvas import Canvas, SurfaceMesh
+    from needlefem.plotting.charts import (
+        Bar,
+        ChartLine,
+        bars,
         draw_depth,
         draw_forces,
         draw_height,
-        draw_modes,
-        draw_plan,
-        draw_setup,
         draw_sticking,
+        loglog,
     )
+    from needlefem.plotting.figures import draw_modes, draw_plan, draw_setup, draw_stages
     from needlefem.plotting.images import Image, Style, renderer, save_moving
     from needlefem.plotting.notebook import html_of, png_of
     from needlefem.plotting.panel import synthetic_ultrasound
-    from needlefem.plotting.quantities import QUANTITIES, FieldQuantity
     from needlefem.plotting.render import (
         Renderer,
         RenderOptions,
@@ -32,10 +33,8 @@ if TYPE_CHECKING:
         panels,
         write_snapshots,
     )
-    from needlefem.plotting.stages import draw_stages
     from needlefem.plotting.timeline import Frame, Timeline
-    from needlefem.plotting.verification_report import Bar, ChartLine, bars, loglog
-    from needlefem.plotting.view import SurfaceMesh, View, ViewOptions
+    from needlefem.plotting.view import QUANTITIES, FieldQuantity, View, ViewOptions
 
 __all__ = [
     "QUANTITIES",
@@ -76,15 +75,13 @@ __all__ = [
 if not TYPE_CHECKING:
     __getattr__, __dir__ = lazy_exports(
         __name__,
-        canvas="Canvas",
-        figures="draw_depth draw_forces draw_height draw_modes draw_plan draw_setup draw_sticking",
+        canvas="Canvas SurfaceMesh",
+        charts="Bar ChartLine bars draw_depth draw_forces draw_height draw_sticking loglog",
+        figures="draw_modes draw_plan draw_setup draw_stages",
         images="Image Style renderer save_moving",
         notebook="html_of png_of",
         panel="synthetic_ultrasound",
-        quantities="FieldQuantity QUANTITIES",
         render="RenderOptions Renderer animate frame_times panels write_snapshots",
-        stages="draw_stages",
         timeline="Frame Timeline",
-        verification_report="Bar ChartLine bars loglog",
-        view="SurfaceMesh View ViewOptions",
+        view="FieldQuantity QUANTITIES View ViewOptions",
     )

@@ -1,293 +1,476 @@
-"""Charts in a panel of a plotter: curves, dots and blocks over axes with units."""
+"""Charts by matplotlib: forces, stick and slip, placement errors, convergence, computing times.
+
+matplotlib is imported only when a chart is drawn, and without pyplot: a chart leaves no state
+behind. The suffix of a file chooses PNG, PDF or SVG. Equal data give equal files.
+"""
 
 import dataclasses
+import io
+import math
 from collections.abc import Sequence
-from typing import Protocol
+from html import escape
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from needlefem._arrays import Floats, Ints
-from needlefem.plotting.images import Plotter, Style, renderer
+from needlefem._arrays import Bools, Floats, Vector
+from needlefem._progress import doing
+from needlefem.errors import NoRendererError
+from needlefem.insertion.cut_path import TipTrajectory
+from needlefem.insertion.result import Insertion
+from needlefem.insertion.state import TipPhase
+from needlefem.io.result_folder import whole_file
+from needlefem.planning.planner import Planner
+from needlefem.planning.reading import InsertionReader, ended_early
+from needlefem.planning.result import Plan
+from needlefem.plotting.images import Style, require_kind, save_still
+from needlefem.scene import Scene
 
-GLYPH = 0.6
-"""Approximate width of a letter relative to the text size; long texts are drawn smaller."""
-CORNERS = 24
-"""Corners of the polygon that represents a dot."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-
-class _TextStyle(Protocol):
-    """A `pyvista.TextProperty`."""
-
-    color: str
-    justification_horizontal: str
-    justification_vertical: str
-    orientation: float
-    font_size: int
-
-
-class _TextActor(Protocol):
-    """A `pyvista.Text`."""
-
-    prop: _TextStyle
-    input: str
-    position: tuple[float, float]
-
-    def SetLayerNumber(self, number: int) -> None: ...  # noqa: N802  (VTK's name)
+KINDS = (".png", ".pdf", ".svg")
+DOTS = 200
+"""Resolution of a chart as PNG, pixels per inch."""
+UNDATED = {"Date": None, "Creator": None, "Format": None, "Type": None}
+"""Metadata that matplotlib omits from an SVG file, so that equal charts are equal files."""
 
 
-class Sheet:
-    """Drawing in pixel coordinates from the lower left corner; later objects cover earlier ones.
+def new_chart(
+    width: float = 8.0, height: float = 5.0, rows: int = 1
+) -> "tuple[Figure, list[Axes]]":
+    """Return an empty chart, width and height in inches, with panels that share their x axis.
 
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-        A plotter whose active subplot is this panel.
-    style : Style
+    Raises
+    ------
+    NoRendererError
+        matplotlib is not installed.
     """
+    if find_spec("matplotlib") is None:
+        raise NoRendererError("charts need matplotlib: pip install 'needlefem[render]'")
+    from matplotlib.figure import Figure  # noqa: PLC0415  (only a chart needs it)
 
-    def __init__(self, plotter: Plotter, style: Style) -> None:
-        self.plotter, self.style = plotter, style
-        self.renderer = plotter.renderer
-        self.wide, self.high = (float(n) for n in self.renderer.GetSize())
-        least = float(style.smallest_text)
-        self.text = max(style.text_size * min(self.high, 0.8 * self.wide), least)
-        """Size of texts, pixels."""
-        self._texts: dict[str, _TextActor] = {}
+    figure = Figure(figsize=(width, height), dpi=DOTS, layout="constrained")
+    panels = list(figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0])
+    for axes in panels:
+        axes.grid(color=Style.grid)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure, panels
 
-    def colour(self, name: str) -> Floats:
-        """Return a colour as red, green, blue, 0 to 1."""
-        found: Floats = np.array(renderer().Color(name).float_rgb)
-        return found
 
-    def width(self, text: str) -> float:
-        """Return the approximate width of a text, pixels."""
-        return GLYPH * self.text * len(text)
+def save_chart(figure: "Figure", path: Path) -> Path:
+    """Write a chart in the format of the file's suffix.
 
-    def write(
-        self,
-        name: str,
-        text: str,
-        at: Sequence[float],
-        room: float,
-        *,
-        justify: str = "left",
-        upward: bool = False,
-    ) -> None:
-        """Draw a text, or replace it; it is drawn smaller if it is longer than `room` pixels."""
-        size = min(self.text, room / (GLYPH * max(len(text), 1)))
-        actor = self._texts.get(name)
-        if actor is None:
-            actor = self._texts[name] = renderer().Text(text)
-            actor.prop.color = self.style.text
-            actor.prop.justification_horizontal = justify
-            actor.prop.justification_vertical = "bottom"
-            actor.prop.orientation = 90.0 if upward else 0.0
-            actor.SetLayerNumber(1)
-            self.renderer.add_actor(actor, reset_camera=False, render=False)
-        actor.input = text
-        actor.prop.font_size = max(round(size), 1)
-        actor.position = (float(at[0]), float(at[1]))
+    Raises
+    ------
+    CaseError
+        The suffix is none of `KINDS`.
+    """
+    require_kind(path, KINDS)
+    doing(f"drawing {path.name!a}")
+    if path.suffix == ".png":
+        written = io.BytesIO()
+        figure.savefig(written, format="rgba", dpi=DOTS)
+        width, height = (round(DOTS * side) for side in figure.get_size_inches())
+        image = np.frombuffer(written.getvalue(), dtype=np.uint8).reshape(height, width, 4)
+        return save_still(image[:, :, :3], path)
+    with whole_file(path) as part:
+        part.write_bytes(_vector(figure, path.suffix[1:]))
+    return path
 
-    def rectangles(self, corners: Floats, colours: Floats) -> None:
-        """Draw rectangles, shape (n, 4): left, bottom, right, top; colours (n, 3), 0 to 1."""
-        x0, y0, x1, y1 = corners.T
-        ring = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 2)
-        self._draw(ring, np.arange(len(ring)).reshape(-1, 4), colours)
 
-    def dots(self, places: Floats, size: float, colour: str) -> None:
-        """Draw discs with a thin pale rim at places, shape (n, 2); `size`: diameter, pixels."""
-        turn = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-        circle = 0.5 * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        for width, paint in ((size + 3.0, self.style.background), (size, colour)):
-            rings = places[:, None] + width * circle
-            numbers = np.arange(rings.shape[0] * CORNERS).reshape(-1, CORNERS)
-            self._draw(rings.reshape(-1, 2), numbers, np.tile(self.colour(paint), (len(rings), 1)))
+def _vector(figure: "Figure", kind: str) -> bytes:
+    """Return a chart as PDF or SVG; texts remain texts."""
+    from matplotlib import rc_context  # noqa: PLC0415
 
-    def stroke(self, points: Floats, width: float, colour: str) -> None:
-        """Draw a line through points, shape (n, 2), `width` pixels wide, with round joints."""
-        along = np.diff(points, axis=0)
-        along = along[np.any(along != 0.0, axis=1)]
-        if not len(along):
-            return
-        starts = points[:-1][np.any(np.diff(points, axis=0) != 0.0, axis=1)]
-        side = along[:, ::-1] * [-0.5, 0.5] * width / np.linalg.norm(along, axis=1)[:, None]
-        bands = np.stack([starts - side, starts + along - side, starts + along + side,
-                          starts + side], axis=1)  # fmt: skip
-        paint = np.tile(self.colour(colour), (len(bands), 1))
-        self._draw(bands.reshape(-1, 2), np.arange(4 * len(bands)).reshape(-1, 4), paint)
-        turn = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-        rings = points[:, None] + 0.5 * width * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        paint = np.tile(self.colour(colour), (len(rings), 1))
-        numbers = np.arange(len(rings) * CORNERS).reshape(-1, CORNERS)
-        self._draw(rings.reshape(-1, 2), numbers, paint)
-
-    def _draw(self, points: Floats, polygons: Ints, colours: Floats) -> None:
-        """Draw convex polygons with corners of shape (n, k) among points, shape (npoints, 2)."""
-        from vtkmodules.vtkRenderingCore import (  # noqa: PLC0415
-            vtkActor2D,
-            vtkPolyDataMapper2D,
+    written = io.BytesIO()
+    with rc_context({"svg.hashsalt": "needlefem", "svg.fonttype": "none", "pdf.fonttype": 42}):
+        figure.savefig(
+            written, format=kind, metadata=UNDATED if kind == "svg" else {"CreationDate": None}
         )
-
-        faces = np.column_stack([np.full(len(polygons), polygons.shape[1]), polygons]).ravel()
-        data = renderer().PolyData(np.column_stack([points, np.zeros(len(points))]), faces=faces)
-        data.cell_data["colours"] = np.round(255.0 * colours).astype(np.uint8)
-        data.set_active_scalars("colours", preference="cell")
-        mapper, actor = vtkPolyDataMapper2D(), vtkActor2D()
-        mapper.SetInputData(data)
-        actor.SetMapper(mapper)
-        self.renderer.AddViewProp(actor)
+    return written.getvalue()
 
 
-# Charts: curves, dots and blocks over two axes with quantity and unit.
+def _svg(figure: "Figure", title: str) -> str:
+    """Return a chart as an SVG element of an HTML page."""
+    text = _vector(figure, "svg").decode("utf-8")
+    label = f'<svg role="img" aria-label="{escape(title, quote=True)}" '
+    return text[text.index("<svg") :].replace("<svg ", label, 1)
 
 
-MOST_TICKS = 8
-"""Largest number of intervals between the ticks of an axis."""
-TICK = 0.35
-"""Length of a tick relative to the text size."""
+# Charts of convergence and of computing times, with logarithmic axes.
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class Axis:
-    """One axis of a chart: quantity, unit and range.
+COLOURS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#7F7F7F",
+)  # fmt: skip
+"""Colours for colour-blind readers (Okabe and Ito)."""
+DASHES, MARKERS = ("-", "--", ":", "-."), ("o", "s", "^")
 
-    Parameters
-    ----------
-    label : str
-        Quantity and unit.
-    low, high : float
+
+@dataclasses.dataclass(frozen=True)
+class ChartLine:
+    """A named line of positive numbers; `ringed` are the indices of highlighted points."""
+
+    name: str
+    x: Sequence[float]
+    y: Sequence[float]
+    ringed: Sequence[int] = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Bar:
+    """A named positive number of a series, with the smallest and the largest measured value."""
+
+    name: str
+    value: float
+    least: float | None = None
+    most: float | None = None
+    series: int = 0
+
+
+def loglog(
+    title: str, x_label: str, y_label: str, lines: Sequence[ChartLine], slopes: Sequence[float] = ()
+) -> str:
+    """Return a chart as SVG; `slopes` of the theory are drawn as triangles.
+
+    Lines with a number that is not positive (an error of zero) are omitted. Without matplotlib
+    the result is a sentence that names the missing package.
     """
-
-    label: str
-    low: float
-    high: float
-
-    @classmethod
-    def over(cls, label: str, values: Floats, room: float = 0.04) -> "Axis":
-        """Return an axis over all finite values with a margin of a share of their range."""
-        finite = values[np.isfinite(values)]
-        low, high = float(finite.min()), float(finite.max())
-        more = room * (high - low) or 0.5 * abs(high) or 1.0
-        return cls(label=label, low=low - more, high=high + more)
-
-    @property
-    def ticks(self) -> tuple[Floats, list[str]]:
-        """Return round numbers on the axis, shape (n,), and their texts."""
-        power = 10.0 ** np.floor(np.log10((self.high - self.low) / MOST_TICKS))
-        steps = (float(n * power) for n in (1.0, 2.0, 5.0, 10.0))
-        step = next(s for s in steps if (self.high - self.low) / s <= MOST_TICKS)
-        slack = 1e-9 * step
-        first, last = np.ceil((self.low - slack) / step), np.floor((self.high + slack) / step)
-        values = step * np.arange(first, last + 1.0)
-        digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
-        return values, [f"{value + 0.0:.{digits}f}" for value in values]
-
-    def share(self, values: Floats) -> Floats:
-        """Return the positions of values between the ends of the axis, 0 to 1."""
-        found: Floats = (np.asarray(values, dtype=float) - self.low) / (self.high - self.low)
-        return found
+    shown = [line for line in lines if min(*line.x, *line.y) > 0.0]
+    if not shown:
+        return ""
+    try:
+        figure, (axes,) = new_chart(7.0, 4.2)
+    except NoRendererError as error:
+        return f"<p>No chart: {escape(str(error))}</p>"
+    axes.set(title=title, xlabel=x_label, ylabel=y_label, xscale="log", yscale="log")
+    axes.set_xlim(*_decades([x for line in shown for x in line.x]))
+    axes.set_ylim(*_decades([y for line in shown for y in line.y]))
+    for number, line in enumerate(shown):
+        colour = COLOURS[number % len(COLOURS)]
+        dash, marker = DASHES[(number // 2) % len(DASHES)], MARKERS[number % len(MARKERS)]
+        axes.plot(line.x, line.y, dash, color=colour, marker=marker, ms=5, label=line.name)
+        rings = [line.x[at] for at in line.ringed], [line.y[at] for at in line.ringed]
+        axes.plot(*rings, "o", ms=11, mfc="none", color=colour)
+    for number, slope in enumerate(sorted(set(slopes))):
+        _triangle(axes, slope, number)
+    figure.legend(loc="outside right upper", frameon=False)
+    return _svg(figure, title)
 
 
-class Chart(Sheet):
-    """A chart that fills a plotter's active panel.
+def _decades(values: Sequence[float]) -> tuple[float, float]:
+    """Return the whole powers of ten around values."""
+    low, high = math.log10(min(values)), math.log10(max(values))
+    return 10.0 ** math.floor(low - 0.02), 10.0 ** math.ceil(high + 0.02)
 
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-    style : Style
-    title : str
-    x, y : Axis
-    legend : sequence of (colour, text)
-        Entries above the chart.
+
+def _triangle(axes: "Axes", slope: float, number: int) -> None:
+    """Draw a triangle with a given slope over half a power of ten."""
+    begin = math.log10(axes.get_xlim()[0]) + 0.15
+    low = math.log10(axes.get_ylim()[0]) + 0.12 + 0.75 * number
+    high = min(low + 0.5 * abs(slope), math.log10(axes.get_ylim()[1]))
+    x = 10.0 ** np.array([begin, begin + (high - low) / abs(slope)])
+    y = 10.0 ** np.array([low, high])
+    axes.plot(x[[0, 0, 1, 0]], y[[1, 0, 0, 1]], color="#555555", lw=1.0)
+    axes.annotate(f"slope {slope:g}", (x[1], y[0]), (4, 0), textcoords="offset points", fontsize=8)
+
+
+def bars(title: str, label: str, rows: Sequence[Bar]) -> str:
+    """Return a bar chart with a logarithmic axis and whiskers for the measured range as SVG.
+
+    Bars with numbers that are not positive are omitted. Without matplotlib the result is a
+    sentence that names the missing package.
     """
+    shown = [bar for bar in rows if bar.value > 0.0 and (bar.least is None or bar.least > 0.0)]
+    if not shown:
+        return ""
+    try:
+        return _svg(bar_figure(title, label, shown), title)
+    except NoRendererError as error:
+        return f"<p>No chart: {escape(str(error))}</p>"
 
-    def __init__(
-        self,
-        plotter: Plotter,
-        style: Style,
-        *,
-        title: str = "",
-        x: Axis,
-        y: Axis,
-        legend: Sequence[tuple[str, str]] = (),
-    ) -> None:
-        super().__init__(plotter, style)
-        self.x, self.y = x, y
-        size, (_, numbers) = self.text, y.ticks
-        self._left = 2.6 * size + max(self.width(number) for number in numbers)
-        self._low, self._right = 3.6 * size, self.wide - 1.5 * size
-        if title:
-            self.write("title", title, (self._left, self.high - 1.5 * size), self._across)
-        top = self.high - (2.0 * size if title else 0.4 * size)
-        self._top = self._legend(legend, top) - 0.8 * size
-        self._grid()
 
-    @property
-    def _across(self) -> float:
-        return self._right - self._left
+def bar_figure(title: str, label: str, rows: Sequence[Bar]) -> "Figure":
+    """Return a bar chart of positive numbers; see `bars`."""
+    figure, (axes,) = new_chart(7.0, 1.2 + 0.26 * len(rows))
+    axes.set(title=title, xlabel=label, xscale="log")
+    ends = [end for bar in rows for end in (bar.value, bar.least, bar.most) if end is not None]
+    axes.set_xlim(*_decades(ends))
+    axes.grid(visible=False, axis="y")
+    colours = [COLOURS[bar.series % len(COLOURS)] for bar in rows]
+    values = np.array([bar.value for bar in rows])
+    axes.barh(range(len(rows)), values, height=0.65, color=colours, alpha=0.75)
+    least = [bar.value if bar.least is None else bar.least for bar in rows]
+    most = [bar.value if bar.most is None else bar.most for bar in rows]
+    ranged = np.array([bar.least is not None and bar.most is not None for bar in rows])
+    reach = np.array([values - least, most - values])[:, ranged]
+    if ranged.any():
+        axes.errorbar(
+            values[ranged], np.flatnonzero(ranged), xerr=reach, fmt="none", ecolor="k", capsize=2
+        )
+    axes.set_yticks(range(len(rows)), [bar.name for bar in rows])
+    axes.invert_yaxis()
+    return figure
 
-    def _legend(self, entries: Sequence[tuple[str, str]], top: float) -> float:
-        """Draw the legend in rows below a height; return the height of its lower edge."""
-        size, left = self.text, self._left
-        for number, (colour, text) in enumerate(entries):
-            wide = 1.2 * size + self.width(text)
-            if number and left + wide > self._right:
-                left, top = self._left, top - 1.4 * size
-            low = top - size
-            square = np.array([[left, low, left + 0.8 * size, low + 0.8 * size]])
-            self.rectangles(square, self.colour(colour)[None])
-            room = self._right - left - 1.2 * size
-            self.write(f"legend {number}", text, (left + 1.2 * size, low - 0.1 * size), room)
-            left += wide + 0.8 * size
-        return top - (1.4 * size if entries else 0.0)
 
-    def at(self, x: Floats, y: Floats) -> Floats:
-        """Return the pixel coordinates of values, shape (n, 2)."""
-        across = self._left + self._across * self.x.share(x)
-        return np.column_stack([across, self._low + (self._top - self._low) * self.y.share(y)])
+# Charts of a motion: forces against depth, stick and slip against time.
 
-    def _grid(self) -> None:
-        """Draw axes, ticks with numbers, a pale grid, and the labels."""
-        size, tick = self.text, TICK * self.text
-        values, numbers = self.x.ticks
-        across = self.at(values, np.full(len(values), self.y.low))[:, 0]
-        levels, marks = self.y.ticks
-        up = self.at(np.full(len(levels), self.x.low), levels)[:, 1]
-        for at in across:
-            self.stroke(np.array([[at, self._low], [at, self._top]]), 1.0, self.style.grid)
-            self.stroke(np.array([[at, self._low - tick], [at, self._low]]), 2.0, self.style.text)
-        for at in up:
-            self.stroke(np.array([[self._left, at], [self._right, at]]), 1.0, self.style.grid)
-            self.stroke(np.array([[self._left - tick, at], [self._left, at]]), 2.0, self.style.text)
-        corner = [self._left, self._low]
-        ends = np.array([[self._left, self._top], corner, [self._right, self._low]])
-        self.stroke(ends, 2.0, self.style.text)
-        for number, at in zip(numbers, across, strict=True):
-            place, room = (at, self._low - tick - 1.2 * size), self._across / len(across)
-            self.write(f"x {number}", number, place, room, justify="center")
-        for mark, at in zip(marks, up, strict=True):
-            place = (self._left - tick - 0.3 * size, at - 0.5 * size)
-            self.write(f"y {mark}", mark, place, self._left, justify="right")
-        middle = 0.5 * (self._left + self._right), 0.4 * size
-        self.write("x label", self.x.label, middle, self._across, justify="center")
-        upright = 1.4 * size, 0.5 * (self._low + self._top)
-        high = self._top - self._low
-        self.write("y label", self.y.label, upright, high, justify="center", upward=True)
 
-    def curve(self, x: Floats, y: Floats, colour: str, width: float = 4.0) -> None:
-        """Draw a curve through values, shape (n,), with gaps at values that are not finite."""
-        points = self.at(x, y)
-        broken = np.flatnonzero(~np.all(np.isfinite(points), axis=1))
-        for part in np.split(points, broken):
-            whole = part[np.all(np.isfinite(part), axis=1)]
-            if len(whole) > 1:
-                self.stroke(whole, width, colour)
+STICK_COLOURS = ("#0072B2", "#8C8C8C", "#D55E00")
+"""Colours of backward slip, stick, and forward slip."""
+STICK_NAMES = ("slips backward", "sticks", "slips forward")
+EVENTS = {
+    "puncture": ("v", "puncture"), "rupture": ("s", "rupture"), "release": ("D", "release"),
+    "retraction_start": ("<", "retraction starts"), "recontact": (">", "tip at the crack front"),
+    "exit": ("X", "exit"), "entry": ("P", "entry into the path"),
+}  # fmt: skip
+"""Marker and name of the events in a chart of forces; stick and slip have a chart of their own."""
+MOST_ARROWS = 12
+"""Largest number of arrows along a curve."""
+SHORTEST = 0.1
+"""Shortest course with an arrow, relative to the range of depths."""
 
-    def marks(self, x: Floats, y: Floats, colour: str, size: float = 14.0) -> None:
-        """Draw dots at values, shape (n,); `size` is their diameter, pixels."""
-        self.dots(self.at(x, y), size, colour)
 
-    def blocks(self, corners: Floats, colours: Floats) -> None:
-        """Fill rectangles, shape (n, 4): from and to in x, from and to in y; colours (n, 3)."""
-        low, high = self.at(corners[:, 0], corners[:, 2]), self.at(corners[:, 1], corners[:, 3])
-        self.rectangles(np.hstack([low, high]), colours)
+def force_unit(dim: int) -> str:
+    """Return the unit of forces in words: those of plane strain are per metre of thickness."""
+    return "N" if dim == 3 else "N per m of thickness"
+
+
+def draw_forces(insertion: Insertion, path: Path) -> Path:
+    """Draw the force on the needle, and the force on its tip, against depth, with events.
+
+    Arrows point in the direction of the motion.
+    """
+    return save_chart(force_figure(insertion), path)
+
+
+def force_figure(insertion: Insertion) -> "Figure":
+    """Return the chart of `draw_forces`."""
+    figure, (axes,) = new_chart()
+    depths = 100.0 * insertion.depths
+    whole = np.array([state.force for state in insertion.states])
+    tip = np.array([state.tip_force for state in insertion.states])
+    axes.set(
+        title="Force on the needle", xlabel="depth of the tip (cm)",
+        ylabel=f"force ({force_unit(insertion.model.dim)})",
+    )  # fmt: skip
+    axes.axhline(0.0, color=Style.text, lw=0.8)
+    axes.plot(depths, whole, color=Style.seed, lw=2.0, label="tip and shaft")
+    axes.plot(depths, tip, color=Style.target, lw=1.2, label="tip")
+    for first, last in _courses(depths):
+        _arrow(axes, depths[first : last + 1], whole[first : last + 1])
+    times = np.array([state.time for state in insertion.states])
+    for kind, (marker, name) in EVENTS.items():
+        when = [event for event in insertion.events if event.kind == kind]
+        at = [_nearest(times, depths, event.time, 100.0 * event.depth) for event in when]
+        if at:
+            axes.plot(
+                depths[at], whole[at], marker, color=Style.needle, mec="white", ms=8, label=name
+            )
+    figure.legend(loc="outside upper center", ncols=4, frameon=False)
+    return figure
+
+
+def _courses(depths: Floats) -> list[tuple[int, int]]:
+    """Return first and last state of the longest parts of a motion in one direction."""
+    turns, way = [0], 0.0
+    for number, step in enumerate(np.sign(np.diff(depths))):
+        if way * step < 0.0:
+            turns.append(number)
+        way = step or way
+    ends = [*turns[1:], len(depths) - 1]
+    length = np.abs(depths[ends] - depths[turns])
+    order = np.argsort(-length, kind="stable")[:MOST_ARROWS]
+    return sorted((turns[n], ends[n]) for n in order if length[n] > SHORTEST * np.ptp(depths))
+
+
+def _arrow(axes: "Axes", x: Floats, y: Floats) -> None:
+    """Draw an arrow head on the middle of a curve whose x is monotonic."""
+    middle = int(np.searchsorted(np.abs(x - x[0]), 0.5 * abs(x[-1] - x[0])))
+    before = max(middle - 1, 0)
+    axes.annotate(
+        "", xy=(x[middle], y[middle]), xytext=(x[before], y[before]),
+        arrowprops={"arrowstyle": "-|>", "color": Style.seed, "mutation_scale": 18},
+    )  # fmt: skip
+
+
+def _nearest(times: Floats, depths: Floats, time: float, depth: float) -> int:
+    """Return the number of the state of an event; in path following all times may be zero."""
+    spans = [float(np.ptp(values)) or 1.0 for values in (times, depths)]
+    return int(np.argmin(np.hypot((times - time) / spans[0], (depths - depth) / spans[1])))
+
+
+def draw_sticking(insertion: Insertion, path: Path) -> Path:
+    """Draw which segments of the cut path stick or slip, against time."""
+    times, places, ways = _stick_map(insertion)
+    figure, (axes,) = new_chart()
+    from matplotlib.colors import ListedColormap  # noqa: PLC0415
+    from matplotlib.patches import Patch  # noqa: PLC0415
+
+    axes.set(
+        title="Stick and slip along the shaft", xlabel="time (s)",
+        ylabel="position along the cut path (cm)",
+        xlim=(0.0, 1.02 * float(times[-1]) or 1.0),
+        ylim=(0.0, 104.0 * float(places[-1]) or 1.0),
+    )  # fmt: skip
+    if ways.size:
+        axes.pcolormesh(
+            times, 100.0 * places, np.ma.masked_greater(ways.T, 1.0),
+            cmap=ListedColormap(STICK_COLOURS), vmin=-1.5, vmax=1.5, rasterized=True,
+        )  # fmt: skip
+    patches = [
+        Patch(color=colour, label=name)
+        for colour, name in zip(STICK_COLOURS, STICK_NAMES, strict=True)
+    ]
+    figure.legend(handles=patches, loc="outside upper center", ncols=3, frameon=False)
+    return save_chart(figure, path)
+
+
+def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
+    """Return times, positions along the path (m), and directions of slip; 9 is no contact."""
+    states = [state for state in insertion.states if state.tip_phase is not TipPhase.RUPTURE]
+    stiffness = insertion.instrument.lateral_penalty
+    lengths = [1.0 / (p.compliance * stiffness) for p in insertion.segments[1:]]
+    last = max((s.inserted_length for s in states), default=0.0)
+    places = np.concatenate([[0.0], np.cumsum(lengths)])
+    places = np.append(places, last) if last > places[-1] * (1.0 + 1e-9) else places
+    times = np.array([state.time for state in states])
+    keep = np.concatenate([[True], np.diff(times) > 0.0])
+    ways = np.full((int(keep.sum()) - 1, len(places) - 1), 9.0)
+    for row, state in enumerate(np.array(states, dtype=object)[keep][1:]):
+        slipping = np.ones(len(state.friction_force)) if state.slipping is None else state.slipping
+        filled = slipping[1 : ways.shape[1] + 1]
+        ways[row, : len(filled)] = filled
+    return times[keep], places, ways
+
+
+# Charts of a plan: error against depth, best depth and error against lateral offset.
+
+
+CURVE_POINTS = 200
+HEIGHTS = 9
+"""Insertions for the chart of the offset, the part of a plan's pictures with the highest cost."""
+
+
+def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
+    """Draw the placement error against depth at the lateral offset of the target (Fig. 5).
+
+    The curve is bold where the seed comes to rest inside of the target's region. Dots are the
+    computed states; between them the path of the tip is straight.
+    """
+    simulation = planner.simulation
+    scene, insertion = simulation.scene, simulation.insert(planner.entry)
+    title = "Placement error at the lateral offset of the target"
+    if ended_early(insertion):
+        title += f"; unknown beyond {100.0 * insertion.depths[-1]:.2f} cm"
+    deepest = min(scene.motion.max_depth, insertion.depths[-1])
+    depths = np.linspace(0.0, deepest, CURVE_POINTS)
+    error, inside = _placement_errors(insertion, plan.target, depths)
+    figure, (axes,) = new_chart()
+    axes.set(title=title, xlabel="insertion depth (cm)", ylabel="placement error (cm)")
+    axes.plot(
+        100.0 * depths, error, color=Style.seed, lw=1.2, label="a seed released at this depth"
+    )
+    if inside.any():
+        axes.plot(
+            100.0 * depths, np.where(inside, error, np.nan), color=Style.seed, lw=4.0,
+            label="at rest in the region of the target",
+        )  # fmt: skip
+    states = np.unique(insertion.depths[(insertion.depths >= 0.0) & (insertion.depths <= deepest)])
+    axes.plot(
+        100.0 * states, _placement_errors(insertion, plan.target, states)[0], "o",
+        color=Style.needle, ms=3, label="computed states",
+    )  # fmt: skip
+    if plan.depth_only is not None:
+        at = 100.0 * float(insertion.axis.axial_coordinate(plan.depth_only.release_point))
+        least = 100.0 * plan.depth_only.placement_error
+        label = f"best depth {at:.2f} cm: error {least:.2g} cm"
+        axes.plot(
+            [at], [least], "o", color=Style.target, mec="white", ms=10, clip_on=False, label=label
+        )
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    figure.legend(loc="outside upper center", ncols=2, frameon=False)
+    return save_chart(figure, path)
+
+
+def _placement_errors(insertion: Insertion, target: Vector, depths: Floats) -> tuple[Floats, Bools]:
+    """Return the error of a release at each depth (m), in cm, and whether it is in the region."""
+    cut = TipTrajectory(insertion)
+    reached = [cut.at_depth(float(depth)) for depth in depths]
+    points = np.array([np.full(len(target), np.nan) if r is None else r.point for r in reached])
+    error: Floats = 100.0 * np.linalg.norm(points - target, axis=1)
+    return error, _inside_target_region(insertion.scene, target, points)
+
+
+def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Bools:
+    for region in scene.regions.values():
+        if region.contour.contains(target[None])[0]:
+            return region.contour.contains(points)
+    return np.isfinite(points[:, 0])
+
+
+def draw_height(
+    planner: Planner, plan: Plan, path: Path, heights: tuple[float, float] | None = None
+) -> Path:
+    """Draw best depth and placement error against the insertion height (Fig. 6).
+
+    `heights` (m, relative to the target) are the limits of the picture; the case's range by
+    default. Each dot is an insertion; nothing is drawn between them.
+    """
+    dots = 100.0 * _height_table(planner, plan, heights)
+    assert plan.best is not None
+    height = 100.0 * float(plan.best.release_point @ plan.insertion.axis.lateral_directions[0])
+    best = dots[np.argmin(np.abs(dots[:, 0] - height))]
+    figure, panels = new_chart(8.0, 7.5, rows=2)
+    label = f"plan: height {best[0]:.2f} cm, depth {best[1]:.2f} cm"
+    quantities = ("best depth (cm)", "placement error (cm)")
+    for number, (axes, quantity) in enumerate(zip(panels, quantities, strict=True), start=1):
+        axes.set_ylabel(quantity)
+        axes.axvline(best[0], color=Style.target, lw=0.8)
+        axes.plot(dots[:, 0], np.abs(dots[:, number]), "o", color=Style.seed, label="an insertion")
+        axes.plot(
+            best[:1], np.abs(best[number : number + 1]), "o", color=Style.target, mec="white",
+            ms=11, clip_on=False, label=label,
+        )  # fmt: skip
+    panels[1].set_ylim(bottom=0.0)
+    panels[1].set_xlabel("insertion height (cm)")
+    figure.align_ylabels(panels)
+    figure.legend(
+        handles=panels[0].get_lines()[1:], loc="outside upper center", ncols=2, frameon=False
+    )
+    return save_chart(figure, path)
+
+
+def _height_table(planner: Planner, plan: Plan, within: tuple[float, float] | None) -> Floats:
+    """Return rows of insertion height, best depth, signed lateral error, m, with the plan's."""
+    low, high = within or planner.simulation.scene.planning.offset_range
+    known = {0.0: plan.level, float(plan.solution.height[0]): plan.insertion}
+    rows = []
+    for height in np.union1d(np.linspace(low, high, HEIGHTS), list(known)).tolist():
+        insertion = known.get(height)
+        row = _closest(insertion or planner.insertion(np.array([height])), plan.target)
+        if row is not None:
+            rows.append(row)
+    return np.array(rows)
+
+
+def _closest(insertion: Insertion, target: Vector) -> tuple[float, float, float] | None:
+    """Return height, depth and signed lateral error of the release closest to a target, m.
+
+    The result is None if the insertion ended early or the skin is not cut.
+    """
+    reach, lateral = (
+        InsertionReader(insertion, target).nearest().reach,
+        insertion.axis.lateral_directions[0],
+    )
+    if reach is None:
+        return None
+    apart = reach.point - target
+    miss = float(np.copysign(np.linalg.norm(apart), apart @ lateral))
+    return float(insertion.axis.entry @ lateral), reach.depth, miss

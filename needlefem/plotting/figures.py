@@ -1,27 +1,24 @@
-"""Pictures of mode shapes, forces, stick and slip, scenes, and plans."""
+"""Pictures of mode shapes, scenes before the simulation, and the stages of a plan."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
-from needlefem._arrays import Bools, Floats, Points, Vector
+from needlefem._arrays import Floats, Points, Vector
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
-from needlefem.insertion.state import TipPhase
 from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.planner import Planner
-from needlefem.planning.reading import InsertionReader, ended_early
-from needlefem.planning.result import Plan
+from needlefem.planning.result import Plan, PlanStatus, Release, headline
 from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.charts import Axis, Chart
+from needlefem.plotting.charts import draw_depth, draw_height
 from needlefem.plotting.images import Plotter, Style, renderer, save
-from needlefem.plotting.panel import Panel, Window
-from needlefem.plotting.stages import draw_stages
-from needlefem.plotting.view import Body
+from needlefem.plotting.panel import Panel, Window, synthetic_ultrasound
+from needlefem.plotting.timeline import Frame, Timeline
+from needlefem.plotting.view import Body, TissueView, ViewOptions
 from needlefem.scene import Scene
 
 ACROSS = 3
@@ -68,72 +65,6 @@ def draw_modes(
         panel.look(Window.around(canvas.screen(model.mesh.p.T), 0.02 + 1.5 * SWING))
         panel.line(f"mode {number + 1}: {hertz:.3g} Hz")
     return save(plotter, path)
-
-
-# Pictures of a motion: forces against depth, stick and slip against time.
-
-
-STICK_COLOURS = ("#0072B2", "#8C8C8C", "#D55E00")
-"""Colours of backward slip, stick, and forward slip."""
-
-
-def draw_forces(insertion: Insertion, path: Path) -> Path:
-    """Draw the force on the needle, and the force on its tip, against depth."""
-    style, states = Style(), insertion.states
-    depths = 100.0 * insertion.depths
-    unit = "N" if insertion.model.dim == 3 else "N/m"
-    plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
-    plotter.set_background(style.background)
-    whole = np.array([state.force for state in states])
-    tip = np.array([state.tip_force for state in states])
-    chart = Chart(
-        plotter, style, title="Force on the needle", x=Axis.over("depth (cm)", depths),
-        y=Axis.over(f"force ({unit})", np.concatenate([whole, tip, [0.0]])),
-        legend=((style.seed, "tip and shaft"), (style.target, "tip")),
-    )  # fmt: skip
-    chart.curve(depths, whole, style.seed, 5.0)
-    chart.curve(depths, tip, style.target, 3.0)
-    return save(plotter, path)
-
-
-def draw_sticking(insertion: Insertion, path: Path) -> Path:
-    """Draw which segments of the cut path stick or slip, against time."""
-    style = Style()
-    times, places, ways = _stick_map(insertion)
-    places = 100.0 * places
-    plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
-    plotter.set_background(style.background)
-    names = ("slips backward", "sticks", "slips forward")
-    chart = Chart(
-        plotter, style, title="Stick and slip along the shaft",
-        x=Axis(label="time (s)", low=0.0, high=1.02 * float(times[-1]) or 1.0),
-        y=Axis(label="length of the cut path (cm)", low=0.0, high=1.04 * float(places[-1]) or 1.0),
-        legend=tuple(zip(STICK_COLOURS, names, strict=True)),
-    )  # fmt: skip
-    step, place = np.nonzero(ways < 2.0)
-    if step.size:
-        ends = times[step], times[step + 1], places[place], places[place + 1]
-        palette = np.array([chart.colour(colour) for colour in STICK_COLOURS])
-        chart.blocks(np.stack(ends, axis=1), palette[ways[step, place].astype(np.intp) + 1])
-    return save(plotter, path)
-
-
-def _stick_map(insertion: Insertion) -> tuple[Floats, Floats, Floats]:
-    """Return times, positions along the path (m), and directions of slip; 9 is no contact."""
-    states = [state for state in insertion.states if state.tip_phase is not TipPhase.RUPTURE]
-    stiffness = insertion.instrument.lateral_penalty
-    lengths = [1.0 / (p.compliance * stiffness) for p in insertion.segments[1:]]
-    last = max((s.inserted_length for s in states), default=0.0)
-    places = np.concatenate([[0.0], np.cumsum(lengths)])
-    places = np.append(places, last) if last > places[-1] * (1.0 + 1e-9) else places
-    times = np.array([state.time for state in states])
-    keep = np.concatenate([[True], np.diff(times) > 0.0])
-    ways = np.full((int(keep.sum()) - 1, len(places) - 1), 9.0)
-    for row, state in enumerate(np.array(states, dtype=object)[keep][1:]):
-        slipping = np.ones(len(state.friction_force)) if state.slipping is None else state.slipping
-        filled = slipping[1 : ways.shape[1] + 1]
-        ways[row, : len(filled)] = filled
-    return times[keep], places, ways
 
 
 # A scene before the simulation: regions, supports, needle, entry, target, names.
@@ -280,11 +211,6 @@ def _centimetres(point: Sequence[float] | Vector) -> str:
 # Pictures of a plan: stages, error against depth, best depth and error against lateral offset.
 
 
-CURVE_POINTS = 200
-HEIGHTS = 9
-"""Insertions for the picture of the offset, the part of a plan's pictures with the highest cost."""
-
-
 def draw_plan(scene: Scene, plan: Plan, folder: Path) -> list[Path]:
     """Draw the pictures that the scene requests; return their files."""
     planner = planner_of(scene, plan)
@@ -302,114 +228,136 @@ def planner_of(scene: Scene, plan: Plan) -> Planner:
     return Planner(Simulation(scene, model=plan.level.model), plan.target)
 
 
-def draw_depth(planner: Planner, plan: Plan, path: Path) -> Path:
-    """Draw the placement error against depth at the lateral offset of the target (Fig. 5).
+# Stages of a plan: before the insertion, release, retracted needle, placement error.
 
-    The curve is bold where the seed comes to rest inside of the target's region.
+
+SIZE = (1600, 2360)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class _Column:
+    """One column of the picture: an insertion, its release, and the view options."""
+
+    title: str
+    film: Timeline
+    release: Release
+    target: Vector
+    look: ViewOptions
+    error: str
+
+    @property
+    def insertion(self) -> Insertion:
+        return self.film.insertion
+
+    @property
+    def depth(self) -> float:
+        return float(self.insertion.axis.axial_coordinate(self.release.release_point))
+
+
+def draw_stages(scene: Scene, plan: Plan, path: Path, *, ultrasound: bool = False) -> Path:
+    """Draw insertion, release and placement, unplanned (left) and planned (right).
+
+    If the result without a plan is unknown, only the right column is drawn. The rows are: before
+    the insertion, seed released, needle retracted, placement error, as in Fig. 1 of the paper of
+    2003. With `ultrasound` an image is mapped on the tissue and deforms with it.
     """
-    style, simulation = Style(), planner.simulation
-    scene, insertion = simulation.scene, simulation.insert(planner.entry)
-    title = "Placement error at the lateral offset of the target"
-    if ended_early(insertion):
-        title += f"; unknown beyond {100.0 * insertion.depths[-1]:.2f} cm"
-    cut = CutPath(insertion)
-    depths = np.linspace(0.0, min(scene.motion.max_depth, insertion.depths[-1]), CURVE_POINTS)
-    reached = [cut.at_depth(float(depth)) for depth in depths]
-    points = np.array(
-        [np.full(len(plan.target), np.nan) if r is None else r.point for r in reached]
-    )
-    error = 100.0 * np.linalg.norm(points - plan.target, axis=1)
-    lines = [(style.seed, "a seed released at this depth")]
-    inside = _inside_target_region(scene, plan.target, points)
-    if inside.any():
-        lines[0] = (style.seed, lines[0][1] + "; bold: at rest in the region of the target")
-    if plan.depth_only is not None:
-        at = 100.0 * float(insertion.axis.axial_coordinate(plan.depth_only.release_point))
-        least = 100.0 * plan.depth_only.placement_error
-        lines.append((style.target, f"best depth {at:.2f} cm: error {least:.2g} cm"))
-    plotter = renderer().Plotter(off_screen=True, window_size=[1600, 1000])
-    plotter.set_background(style.background)
-    depths = 100.0 * depths
-    chart = Chart(
-        plotter, style, title=title, legend=lines,
-        x=Axis(label="insertion depth (cm)", low=0.0, high=1.02 * float(depths[-1])),
-        y=Axis(label="placement error (cm)", low=0.0, high=1.05 * float(np.nanmax(error))),
-    )  # fmt: skip
-    chart.curve(depths, error, style.seed, 3.0)
-    chart.curve(depths, np.where(inside, error, np.nan), style.seed, 9.0)
-    if plan.depth_only is not None:
-        chart.marks(np.array([at]), np.array([least]), style.target, 20.0)
-    return save(plotter, path)
-
-
-def _inside_target_region(scene: Scene, target: Vector, points: Floats) -> Bools:
-    for region in scene.regions.values():
-        if region.contour.contains(target[None])[0]:
-            return region.contour.contains(points)
-    return np.isfinite(points[:, 0])
-
-
-def draw_height(
-    planner: Planner, plan: Plan, path: Path, heights: tuple[float, float] | None = None
-) -> Path:
-    """Draw best depth and placement error against the insertion height (Fig. 6).
-
-    `heights` (m, relative to the target) are the limits of the picture; the case's range by
-    default. Depth and signed lateral error are interpolated between insertions, shown as dots.
-    """
-    style, dots = Style(), 100.0 * _height_table(planner, plan, heights)
-    at = np.linspace(dots[0, 0], dots[-1, 0], CURVE_POINTS)
-    at = np.union1d(at, dots[:, 0])
-    between = np.full((len(at), 2), np.nan)
-    if len(dots) > 1:
-        between = PchipInterpolator(dots[:, 0], dots[:, 1:])(at)
+    if plan.best is None:
+        raise ValueError("a plan without a release has no stages to draw")
+    style = Style()
+    look = ViewOptions(style=style)
+    if ultrasound:
+        level = plan.level
+        texture = synthetic_ultrasound(scene, level.model, level.axis)
+        look = ViewOptions(style=style, texture=texture)
+    columns = _columns(plan, look)
+    size = [SIZE[0] * len(columns) // 2, SIZE[1]]
     plotter = renderer().Plotter(
-        off_screen=True, shape=(2, 1), window_size=[1600, 1700], border=False
+        off_screen=True, shape=(4, len(columns)), window_size=size, border=False
     )
     plotter.set_background(style.background)
-    assert plan.best is not None
-    height = 100.0 * float(plan.best.release_point @ plan.insertion.axis.lateral_directions[0])
-    best = dots[np.argmin(np.abs(dots[:, 0] - height))]
-    label = f"plan: height {best[0]:.2f} cm, depth {best[1]:.2f} cm"
-    for number, quantity in enumerate(("best depth (cm)", "placement error (cm)"), start=1):
-        plotter.subplot(number - 1, 0)
-        curve, values = np.abs(between[:, number - 1]), np.abs(dots[:, number])
-        chart = Chart(
-            plotter, style, x=Axis.over("insertion height (cm)", at),
-            y=Axis.over(quantity, np.append(curve, values)),
-            legend=((style.seed, "dots: insertions; interpolated between them"),
-                    (style.target, label)),
-        )  # fmt: skip
-        chart.curve(at, curve, style.seed)
-        chart.marks(dots[:, 0], values, style.seed)
-        chart.marks(best[:1], np.abs(best[number : number + 1]), style.target, 20.0)
+    for across, column in enumerate(columns):
+        for down, stage in enumerate((_before, _released, _retracted, _error)):
+            plotter.subplot(down, across)
+            canvas = Canvas(plotter, column.insertion.axis, style)
+            stage(canvas, Panel(plotter, style), column, scene.needle.tip_radius)
     return save(plotter, path)
 
 
-def _height_table(planner: Planner, plan: Plan, within: tuple[float, float] | None) -> Floats:
-    """Return rows of insertion height, best depth, signed lateral error, m, with the plan's."""
-    low, high = within or planner.simulation.scene.planning.offset_range
-    known = {0.0: plan.level, float(plan.solution.height[0]): plan.insertion}
-    rows = []
-    for height in np.union1d(np.linspace(low, high, HEIGHTS), list(known)).tolist():
-        insertion = known.get(height)
-        row = _closest(insertion or planner.insertion(np.array([height])), plan.target)
-        if row is not None:
-            rows.append(row)
-    return np.array(rows)
+def _columns(plan: Plan, look: ViewOptions) -> list[_Column]:
+    """Return the columns: the unplanned insertion, if it is known, and the planned one."""
+    first, found = headline(plan), []
+    if plan.unplanned is not None:
+        found.append(
+            _Column(
+                title="unplanned", film=Timeline(plan.level), release=plan.unplanned,
+                target=plan.target, look=look,
+                error=f"placement error {100.0 * plan.unplanned.placement_error:.2f} cm",
+            )
+        )  # fmt: skip
+    if plan.best is not None:
+        error = first.title
+        if plan.status is not PlanStatus.PLANNED:
+            error = f"{plan.status}: placement error {100.0 * plan.best.placement_error:.2g} cm"
+        found.append(
+            _Column(
+                title="planned", film=Timeline(plan.insertion), release=plan.best,
+                target=plan.target, look=look, error=error,
+            )
+        )  # fmt: skip
+    return found
 
 
-def _closest(insertion: Insertion, target: Vector) -> tuple[float, float, float] | None:
-    """Return height, depth and signed lateral error of the release closest to a target, m.
+def _tissue(canvas: Canvas, panel: Panel, column: _Column, moment: Frame) -> None:
+    TissueView(canvas, column.film, column.look).show(moment)
+    if column.look.note:
+        panel.note(column.look.note)
 
-    The result is None if the insertion ended early or the skin is not cut.
-    """
-    reach, lateral = (
-        InsertionReader(insertion, target).nearest().reach,
-        insertion.axis.lateral_directions[0],
-    )
-    if reach is None:
-        return None
-    apart = reach.point - target
-    miss = float(np.copysign(np.linalg.norm(apart), apart @ lateral))
-    return float(insertion.axis.entry @ lateral), reach.depth, miss
+
+def _window(canvas: Canvas, column: _Column) -> Window:
+    """Return a window from outside of the skin to behind the target."""
+    depth = float(column.insertion.axis.axial_coordinate(column.target))
+    width = depth + 0.037
+    centre = canvas.screen(column.target)[0, :2] + np.array([0.5 * depth - 0.0065, 0.0095])
+    return Window(centre, width, 0.56 * width)
+
+
+def _finish(canvas: Canvas, panel: Panel, column: _Column, title: str) -> None:
+    panel.look(_window(canvas, column))
+    panel.line(title)
+
+
+def _before(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:
+    _tissue(canvas, panel, column, column.film.undeformed())
+    canvas.needle(column.insertion.axis.tip_position(0.0), radius, 0.05)
+    canvas.target(column.target, 2.0 * radius)
+    _finish(canvas, panel, column, f"{column.title}: before insertion")
+
+
+def _released(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:
+    film = column.film
+    _tissue(canvas, panel, column, film.moments([film.time_at(column.depth)])[0])
+    canvas.needle(column.release.release_point, radius, column.depth + 0.05)
+    canvas.target(column.target, 2.0 * radius)
+    canvas.seed(column.release.release_point, 1.5 * radius)
+    where = ", ".join(f"{100 * x:.2f}" for x in column.release.release_point)
+    depth = f"depth {100 * column.depth:.2f} cm"
+    _finish(canvas, panel, column, f"seed released at ({where}) cm, {depth}")
+
+
+def _retracted(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:
+    _tissue(canvas, panel, column, column.film.undeformed())
+    canvas.target(column.target, 2.0 * radius)
+    canvas.seed(column.release.placed_at, 1.5 * radius)
+    where = ", ".join(f"{100 * x:.2f}" for x in column.release.placed_at)
+    _finish(canvas, panel, column, f"needle retracted, final position of the seed ({where}) cm")
+
+
+def _error(canvas: Canvas, panel: Panel, column: _Column, radius: float) -> None:
+    _tissue(canvas, panel, column, column.film.undeformed())
+    canvas.target(column.target, 1.0 * radius)
+    ends = np.stack([column.target, column.release.placed_at])
+    canvas.polyline(ends, column.look.style.target, 5.0, 9)
+    canvas.seed(column.release.placed_at, 0.75 * radius)
+    middle = canvas.screen(column.target)[0, :2] + np.array([4e-3, 0.0])
+    panel.look(Window(middle, 0.0245, 0.0137))
+    panel.line(column.error)

@@ -22,9 +22,8 @@ from needlefem.plotting.images import (
     save_still,
 )
 from needlefem.plotting.panel import Texture, read_texture, synthetic_ultrasound
-from needlefem.plotting.quantities import quantity, scale_of
 from needlefem.plotting.timeline import Frame, Timeline
-from needlefem.plotting.view import View, ViewOptions
+from needlefem.plotting.view import View, ViewOptions, quantity, scale_of
 from needlefem.scene.limits import check_count
 
 DIGITS = 4

@@ -1,168 +1,115 @@
-"""Views of an insertion: visible faces and edges of the mesh, moved by displacements."""
+"""Views of an insertion: fields, tissue, needle and seeds, moved from frame to frame."""
 
 import dataclasses
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from needlefem._arrays import Bools, Floats, Ints, Points, Vector
-from needlefem.elements.shape_functions import ShapeTable, shape_table
+from needlefem._arrays import Floats, Ints, Points, Vector
+from needlefem.errors import CaseError, nearest
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.recovery import CellFields
+from needlefem.insertion.strain_check import LARGE_STRAIN
 from needlefem.mesh.generation import BACKGROUND
-from needlefem.plotting.canvas import Canvas, Strands
+from needlefem.plotting.canvas import Canvas, Strands, SurfaceMesh
 from needlefem.plotting.images import Plotter, PolyData, Style, renderer
 from needlefem.plotting.panel import Panel, Scale, Texture, Window
-from needlefem.plotting.quantities import FieldQuantity
 from needlefem.plotting.timeline import Frame, Timeline
 
-PIECES = 20_000
-"""Approximate number of triangles and quadrilaterals that curved cells are divided into."""
-FEWEST, MOST = 2, 6
-"""Smallest number of parts of a curved edge, which has a middle node."""
+# Fields that pictures can show: names, units, values and colour scales.
 
 
-class SurfaceMesh:
-    """The visible faces of a mesh and their edges.
+TOP = 99.5
+"""Percentile of the values at the end of the colour scale; few cells at the tip exceed it."""
 
-    In 2D these are the cells, in 3D the outer faces of the cells: triangles and quadrilaterals.
-    If the displacement or the geometry is quadratic, the faces are divided into smaller ones, so
-    that edges appear curved.
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FieldQuantity:
+    """A field that a picture can show.
 
     Parameters
     ----------
-    space : FunctionSpace
-    shown : array, shape (ncells,), optional
-        The visible cells; all by default.
-
-    Attributes
-    ----------
-    rest : array, shape (npoints, dim), m
-        The undeformed points.
-    polygons : array, shape (n, corners)
-        Numbers of points.
-    cells : array, shape (n,)
-        Cell of each polygon.
-    edges : array, shape (m, parts + 1)
-        Numbers of the points along each edge of a cell.
-    outline : array, shape (k, parts + 1)
-        The same for edges of one face only: the surface of plane tissue.
-    parts : int
-        Number of parts of an edge; 1 if it is straight.
+    label : str
+        Name of the quantity with its unit.
+    factor : float
+        Factor from SI to this unit.
+    values : callable
+        Takes the cell fields of a model and a displacement, shape (ndofs,), m; returns one value
+        per vertex or cell, NaN in inverted cells.
+    nodal : bool
+        Whether the values belong to vertices.
+    signed : bool
+        Whether the scale is symmetric about zero.
+    note : str
+        Note in the picture.
     """
 
-    def __init__(self, space: FunctionSpace, shown: Bools | None = None) -> None:
-        self.space, mesh = space, space.mesh
-        self._local = np.arange(len(mesh.t))[None]
-        if mesh.dim() == 3:
-            self._local = np.array(mesh.elem.refdom.facets)
-        owners, kinds = self._faces(np.ones(mesh.nelements, bool) if shown is None else shown)
-        corners = mesh.t[self._local[kinds], owners[:, None]]
-        curved = space.element.degree > 1 or mesh.p.shape[1] != len(np.unique(mesh.t))
-        self.parts = 1
-        self._weights: Floats | None = None
-        self.rest: Points = mesh.p.T
-        self.polygons, self.cells = corners, owners
-        along = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
-        if curved:
-            least = np.sqrt(PIECES / max(len(owners), 1))
-            self.parts = int(np.clip(least, FEWEST, MOST))
-            pattern = _Pattern(corners.shape[1], self.parts)
-            numbers = np.arange(len(owners) * pattern.size).reshape(len(owners), pattern.size)
-            self._cut(owners, kinds, pattern)
-            self.polygons = numbers[:, pattern.sub_cells].reshape(-1, corners.shape[1])
-            self.cells = np.repeat(owners, len(pattern.sub_cells))
-            along = numbers[:, pattern.rim]
-        self.edges, alone = _edges(corners, along)
-        self.outline: Ints = self.edges[alone]
+    label: str
+    factor: float
+    values: Callable[[CellFields, Floats], Floats]
+    nodal: bool = False
+    signed: bool = False
+    note: str = ""
 
-    def _faces(self, shown: Bools) -> tuple[Ints, Ints]:
-        """Return the cell of each visible face, and the face's number in the cell."""
-        mesh, kept = self.space.mesh, np.flatnonzero(shown)
-        if mesh.dim() == 2:
-            return kept, np.zeros(len(kept), dtype=np.intp)
-        facets = mesh.t2f[:, kept].T
-        seen = np.bincount(facets.ravel(), minlength=mesh.nfacets)[facets] == 1
-        rows, kinds = np.nonzero(seen)
-        return kept[rows], kinds
-
-    def _cut(self, owners: Ints, kinds: Ints, pattern: "_Pattern") -> None:
-        """Compute the points of divided faces and the nodal weights there."""
-        mesh, element = self.space.mesh, self.space.element.make()
-        reference = np.asarray(mesh.elem.refdom.p, dtype=float).T
-        places = np.array([pattern.weights @ reference[local] for local in self._local])
-        flat = places.reshape(-1, places.shape[2])
-        ways = len(self._local), pattern.size
-        shapes = shape_table(mesh.elem)(flat).reshape(*ways, -1)[kinds]
-        found = mesh.doflocs.T[mesh.dofs.element_dofs[:, owners].T]
-        self.rest = np.einsum("fpn,fnd->fpd", shapes, found).reshape(-1, mesh.dim())
-        self._weights = ShapeTable(element)(flat).reshape(*ways, -1)[kinds]
-        self._nodes = self.space.cell_nodes[owners]
-
-    def displaced(self, u: Floats) -> Points:
-        """Return the displacement of the points, shape (npoints, dim), m.
-
-        Parameters
-        ----------
-        u : array, shape (ndofs,), m
-        """
-        if self._weights is None:
-            found: Points = u[self.space.basis.nodal_dofs].T
-            return found
-        nodal = self.space.nodal(u)[self._nodes]
-        moved: Points = np.matmul(self._weights, nodal).reshape(self.rest.shape)
-        return moved
+    def of(self, cells: CellFields, u: Floats) -> Floats:
+        """Return the values of a displacement in the unit of the label."""
+        found: Floats = self.factor * self.values(cells, u)
+        return found
 
 
-class _Pattern:
-    """Division of a triangle or quadrilateral with equal parts of each edge.
+def _displacement(cells: CellFields, u: Floats) -> Floats:
+    moved = u[cells.model.basis.nodal_dofs]
+    size: Floats = np.linalg.norm(moved, axis=0)
+    return size
 
-    Attributes
-    ----------
-    weights : array, shape (size, corners)
-        Weights of the corners at each point.
-    sub_cells : array, shape (parts^2, corners)
-        Point numbers of the parts.
-    rim : array, shape (corners, parts + 1)
-        Points along the edges.
+
+def _validity(cells: CellFields, u: Floats) -> Floats:
+    """Return the strain relative to the limit of small strain; NaN in inverted cells."""
+    share: Floats = cells.largest_strain(u) / LARGE_STRAIN
+    return np.where(cells.volume_ratio(u) > 0.0, share, np.nan)
+
+
+QUANTITIES = {
+    "displacement": FieldQuantity(
+        label="displacement (mm)", factor=1e3, values=_displacement, nodal=True
+    ),
+    "strain": FieldQuantity(
+        label="largest strain (%)", factor=1e2, values=lambda cells, u: cells.largest_strain(u)
+    ),
+    "von-mises": FieldQuantity(
+        label="von Mises stress (kPa)", factor=1e-3, values=lambda cells, u: cells.von_mises(u)
+    ),
+    "pressure": FieldQuantity(
+        label="pressure (kPa)", factor=1e-3, values=lambda c, u: c.pressure(u), signed=True
+    ),
+    "validity": FieldQuantity(
+        label=f"strain / {LARGE_STRAIN:g} (1)", factor=1.0, values=_validity,
+        note="small strain is valid up to 1; orange: inverted cells",
+    ),
+}  # fmt: skip
+"""The fields that a picture can show, by the names of ``--field``."""
+
+
+def quantity(name: str) -> FieldQuantity:
+    """Return a quantity by name.
+
+    Raises
+    ------
+    CaseError
+        The field does not exist.
     """
-
-    def __init__(self, corners: int, parts: int) -> None:
-        square = corners == 4
-        ticks = range(parts + 1)
-        grid = [(i, j) for j in ticks for i in ticks if square or i + j <= parts]
-        number = {place: at for at, place in enumerate(grid)}
-        x, y = np.array(grid, dtype=float).T / parts
-        if square:
-            columns = [(1 - x) * (1 - y), x * (1 - y), x * y, (1 - x) * y]
-        else:
-            columns = [1 - x - y, x, y]
-        self.weights, self.size = np.stack(columns, axis=1), len(grid)
-        found: list[list[tuple[int, int]]] = []
-        for i, j in grid:
-            ring = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
-            split = [ring] if square else [[ring[0], ring[1], ring[3]], ring[1:]]
-            found += [sub_cell for sub_cell in split if all(place in number for place in sub_cell)]
-        self.sub_cells = np.array([[number[place] for place in sub_cell] for sub_cell in found])
-        ends = [(0, 0), (parts, 0), (parts, parts), (0, parts)] if square else [
-            (0, 0), (parts, 0), (0, parts)]  # fmt: skip
-        self.rim = np.array(
-            [_along(number, ends[k], ends[(k + 1) % corners], parts) for k in range(corners)]
-        )
+    if name not in QUANTITIES:
+        raise CaseError("field", f"no field '{name}'", nearest(name, QUANTITIES))
+    return QUANTITIES[name]
 
 
-def _along(
-    number: dict[tuple[int, int], int], start: tuple[int, int], end: tuple[int, int], parts: int
-) -> list[int]:
-    steps = [(end[axis] - start[axis]) // parts for axis in (0, 1)]
-    return [number[start[0] + k * steps[0], start[1] + k * steps[1]] for k in range(parts + 1)]
-
-
-def _edges(corners: Ints, along: Ints) -> tuple[Ints, Bools]:
-    """Return each edge once, shape (m, parts + 1), and whether it belongs to one face only."""
-    ends = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2)
-    key = ends[..., 0].ravel() * (int(corners.max()) + 1) + ends[..., 1].ravel()
-    _, first, count = np.unique(key, return_index=True, return_counts=True)
-    return along.reshape(-1, along.shape[2])[first], count == 1
+def scale_of(shown: FieldQuantity, values: Sequence[Floats]) -> Scale:
+    """Return a common colour scale for several pictures."""
+    finite = np.concatenate([found[np.isfinite(found)] for found in values])
+    size = np.abs(finite) if finite.size else np.zeros(1)
+    top = float(np.percentile(size, TOP)) or float(size.max()) or 1.0
+    over = bool(finite.size and finite.max() > top * (1.0 + 1e-9))
+    return Scale(label=shown.label, low=-top if shown.signed else 0.0, high=top, over=over)
 
 
 # Tissue on a canvas: mesh with colours of regions or values, edges and surface.

@@ -35,8 +35,7 @@ from needlefem.plotting import (
     synthetic_ultrasound,
     write_snapshots,
 )
-from needlefem.plotting.quantities import scale_of
-from needlefem.plotting.view import whole
+from needlefem.plotting.view import scale_of, whole
 from needlefem.scene import Scene, Stage, vary, with_element
 from tests.conftest import PAPER_CASE
 from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401

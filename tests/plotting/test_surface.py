@@ -15,7 +15,7 @@ from needlefem.fem import FunctionSpace
 from needlefem.io import write_vtu
 from needlefem.materials import Isotropic
 from needlefem.plotting import SurfaceMesh
-from needlefem.plotting.view import MOST
+from needlefem.plotting.canvas import MOST
 from tests.insertion.test_three_dimensions import TETRAHEDRON
 
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)

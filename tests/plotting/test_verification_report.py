@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import re
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from needlefem.elements import CATALOGUE
 from needlefem.errors import NoRendererError
 from needlefem.fem import BoundaryValueProblem
 from needlefem.materials import Isotropic
-from needlefem.plotting import Bar, ChartLine, bars, loglog, verification_report
+from needlefem.plotting import verification_report
 
 
 class Strict(HTMLParser):
@@ -124,22 +123,3 @@ def test_own_record_is_held_to_1e_8(records: dict[str, float], verdict: bool) ->
     assert first.answer.passed
     assert first.record is verdict
     assert first.passed is verdict
-
-
-def test_exact_answers_have_no_place_on_logarithmic_axes() -> None:
-    exact = ChartLine("exact", (10, 20), (0.0, 0.0))
-    assert loglog("t", "x", "y", [exact]) == ""
-    assert "exact" not in loglog("t", "x", "y", [exact, ChartLine("other", (10, 20), (1e-2, 1e-3))])
-
-
-def test_bars_are_as_long_as_their_logarithms() -> None:
-    drawn = bars(
-        "t", "ms", [Bar("one", 1.0), Bar("ten", 10.0, 5.0, 20.0, series=1), Bar("no", 0.0)]
-    )
-    widths = [float(w) for w in re.findall(r'<rect [^>]*width="([\d.]+)"', drawn)]
-    assert len(widths) == 2
-    per_decade = 290.0 / 3.0  # from 0.1 to 100
-    assert widths == pytest.approx([per_decade, 2.0 * per_decade], abs=0.1)
-    assert drawn.count('stroke="#000000"') == 1  # whiskers of the one with a spread
-    assert ">no<" not in drawn
-    assert bars("t", "ms", [Bar("no", 0.0)]) == ""
