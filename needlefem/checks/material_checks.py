@@ -8,7 +8,7 @@ from needlefem._arrays import Floats
 from needlefem.checks.result import CheckResult
 from needlefem.errors import CaseError
 from needlefem.materials import Isotropic, Material, MaterialResponse, voigt, volumetric_split
-from needlefem.materials.relaxation import HasBranches
+from needlefem.materials.linear_elastic import HasBranches
 from needlefem.materials.volumetric_split import HasCompliance
 
 SMALL = 1e-5

@@ -13,8 +13,7 @@ from needlefem._table import Table
 from needlefem.bench import BENCHMARKS
 from needlefem.casefile.load import load_case
 from needlefem.checks.reference_problem import make_importable
-from needlefem.cli.common import named, say, say_json
-from needlefem.cli.ignored import refuse_unused_options
+from needlefem.cli.common import named, refuse_unused_options, say, say_json
 from needlefem.cli.info import machine
 from needlefem.errors import CaseError, nearest
 from needlefem.io.expectations import judged
@@ -34,6 +33,9 @@ PAPER = {"paper": "the method of 2003 compared with the package's: placement, dr
 PAIRED = ("paper", "robust")
 """Studies that compare with a second case."""
 
+NUMERICAL = ("convergence", "elements", "independence", "smoothness")
+"""Studies of numerical parameters, which are functions of one module."""
+
 
 def studies() -> dict[str, str]:
     """Return what all studies that can be found measure, by name."""
@@ -48,11 +50,14 @@ def benchmarks() -> dict[str, str]:
 def study(name: str) -> Study:
     """Return a study by name, or raise a `CaseError` with the nearest name."""
     _require("study", name, studies())
+    module, function = f"{VERIFICATION}.studies.{name}", "study"
     if name in PAPER:
         module = "needlefem.alterovitz2003.plan"
-    else:
-        module = f"{'needlefem' if name in STUDIES else VERIFICATION}.studies.{name}"
-    found: Study = import_module(module).study
+    elif name in NUMERICAL:
+        module, function = "needlefem.studies.numerical_parameters", name
+    elif name in STUDIES:
+        module = f"needlefem.studies.{name}"
+    found: Study = getattr(import_module(module), function)
     return found
 
 

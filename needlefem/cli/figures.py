@@ -12,6 +12,7 @@ from needlefem.casefile.load import load_case
 from needlefem.cli.common import (
     named,
     progress,
+    refuse_unused_keys,
     release_lines,
     result_of,
     say,
@@ -19,7 +20,6 @@ from needlefem.cli.common import (
     search_line,
     warn,
 )
-from needlefem.cli.ignored import refuse_unused_keys
 from needlefem.errors import CaseError
 from needlefem.io.records import origin, plan_record, with_scanner
 from needlefem.io.result_folder import probe, write_json

@@ -9,8 +9,15 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem._table import Table
 from needlefem.casefile.load import load_case
-from needlefem.cli.common import result_of, say, say_json, undrawn, warn
-from needlefem.cli.ignored import refuse_unused_keys, unused_keys
+from needlefem.cli.common import (
+    refuse_unused_keys,
+    result_of,
+    say,
+    say_json,
+    undrawn,
+    unused_keys,
+    warn,
+)
 from needlefem.dynamics import TissueSystem, critical_step
 from needlefem.dynamics.system import modes
 from needlefem.errors import CaseError, NoRendererError

@@ -6,15 +6,16 @@ from pathlib import Path
 from needlefem.casefile.load import load_case
 from needlefem.cli.common import (
     progress,
+    refuse_unused_keys,
     release_lines,
     result_of,
     say,
     say_json,
     search_line,
     undrawn,
+    unused_keys,
     warn,
 )
-from needlefem.cli.ignored import refuse_unused_keys, unused_keys
 from needlefem.io.expectations import expect_record, judged
 from needlefem.io.records import origin, plan_record, scanner_lines, with_scanner
 from needlefem.io.result_folder import write_json

@@ -13,8 +13,7 @@ import numpy as np
 
 from needlefem._arrays import Floats
 from needlefem.casefile.load import SavedCase, load_case, read_again
-from needlefem.cli.common import GOOD, named, progress, say, say_json, warn
-from needlefem.cli.ignored import refuse_unused_options
+from needlefem.cli.common import GOOD, named, progress, refuse_unused_options, say, say_json, warn
 from needlefem.errors import CaseError, short
 from needlefem.insertion.insertion_run import SaveAt
 from needlefem.insertion.result import Insertion

@@ -11,21 +11,22 @@ from needlefem.cli.common import (
     GOOD,
     centimetres,
     progress,
+    refuse_unused_keys,
+    refuse_unused_options,
     result_of,
     say,
     say_json,
     undrawn,
+    unused_keys,
     warn,
 )
-from needlefem.cli.ignored import refuse_unused_keys, refuse_unused_options, unused_keys
 from needlefem.errors import NoRendererError
 from needlefem.insertion.cut_path import TipPoint
 from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.insertion_run import KeptStates, SaveAt
-from needlefem.insertion.result import EnergyTerms, Insertion
+from needlefem.insertion.result import EnergyTerms, Insertion, StrainCheck, validity
 from needlefem.insertion.simulation import Discretised, Simulation, discretised
-from needlefem.insertion.strain_check import StrainCheck, validity
 from needlefem.io.expectations import expect_record, judged
 from needlefem.io.records import (
     SeedRecord,

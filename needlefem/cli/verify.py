@@ -1,6 +1,7 @@
 """``needlefem verify``."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,19 +15,17 @@ from needlefem.checks.reference_problem import (
     records_of,
     run_problem,
 )
-from needlefem.cli.common import named, say, say_json
-from needlefem.cli.ignored import refuse_unused_options
+from needlefem.cli.common import named, refuse_unused_options, say, say_json
 from needlefem.errors import CaseError
 from needlefem.io.result_folder import result_folder, write_json
 from needlefem.plotting.verification_report import record, write_report
+from needlefem.stress import inputs, scenes
 
 
 def main(options: argparse.Namespace) -> int:
     """Run reference problems and print both verdicts on each quantity; 1 if one fails."""
     if options.stress:
-        from needlefem.cli import stress  # noqa: PLC0415  (only needed for this option)
-
-        return stress.main(options)
+        return stress_tests(options)
     _refuse_unused(options)
     if options.element or options.material or options.integrator:
         from needlefem.cli import qualify  # noqa: PLC0415  (only needed for this option)
@@ -114,3 +113,68 @@ def _table(reports: Sequence[Report], verdicts: Sequence[Verdict]) -> Table:
         passed=not failed,
         note=f"{len(verdicts)} quantities, {failed} failed, {seconds:.1f} s",
     )
+
+
+# ``needlefem verify --stress``.
+
+
+def stress_tests(options: argparse.Namespace) -> int:
+    """Run random scenes or damaged inputs and report; 1 if a requirement is not met."""
+    return _scenes(options) if options.stress == "scenes" else _inputs(options)
+
+
+def _scenes(options: argparse.Namespace) -> int:
+    numbers = _numbers(options, scenes.COUNT)
+    runs = scenes.run_scenes(options.seed, numbers, options.processes, _print_progress)
+    asked = len(numbers)
+    _stress_report(options, scenes.record(options.seed, runs, asked), scenes.summary(runs, asked),
+            scenes.listing(options.seed, runs))  # fmt: skip
+    if options.out and options.only is not None:
+        path = scenes.write_scene(options.seed, options.only, Path(options.out))
+        if not options.json:
+            say(f"written: {path}")
+    return 0 if scenes.passed(runs, asked) else 1
+
+
+def _inputs(options: argparse.Namespace) -> int:
+    from needlefem.cli.main import main as command_line  # noqa: PLC0415  (it imports this module)
+
+    numbers = _numbers(options, inputs.COUNT)
+    if options.out and options.only is not None:
+        runs = [inputs.keep_input(command_line, options.seed, options.only, Path(options.out))]
+    else:
+        runs = inputs.run_inputs(
+            command_line, options.seed, numbers, options.processes, _print_progress
+        )
+    asked = len(numbers)
+    _stress_report(options, inputs.record(options.seed, runs, asked), inputs.summary(runs, asked),
+            inputs.listing(options.seed, runs))  # fmt: skip
+    return 0 if inputs.passed(runs, asked) else 1
+
+
+def _stress_report(
+    options: argparse.Namespace, record: dict[str, object], table: Table, lines: list[str]
+) -> None:
+    if options.json:
+        say_json(record)
+        return
+    say(table.text())
+    for line in lines:
+        say(line)
+
+
+def _numbers(options: argparse.Namespace, most: int) -> list[int]:
+    if options.only is not None:
+        return [options.only]
+    count = most if options.count is None else options.count
+    least = {"--count": (count, 1), "--processes": (options.processes, 1),
+             "--start": (options.start, 0), "--seed": (options.seed, 0)}  # fmt: skip
+    for key, (value, bound) in least.items():
+        if value < bound:
+            raise CaseError(key, f"{value}", f"give {bound} at least")
+    return list(range(options.start, options.start + count))
+
+
+def _print_progress(text: str) -> None:
+    sys.stderr.write(text + "\n")
+    sys.stderr.flush()

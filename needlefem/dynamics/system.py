@@ -14,7 +14,7 @@ from needlefem.errors import CaseError
 from needlefem.fem.factorization import Factor, factorise
 from needlefem.fem.forms import Field
 from needlefem.fem.tissue_model import TissueModel
-from needlefem.materials.relaxation import load_factor, relaxation_factor
+from needlefem.materials.linear_elastic import load_factor, relaxation_factor
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

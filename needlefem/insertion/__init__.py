@@ -25,11 +25,12 @@ if TYPE_CHECKING:
         Rupture,
         Seed,
         Status,
+        StrainCheck,
+        validity,
     )
     from needlefem.insertion.simulation import Discretised, Simulation, Watch, discretised
     from needlefem.insertion.state import State, TipPhase, displacements, load, loads
     from needlefem.insertion.sticking import STICK_CONDITION
-    from needlefem.insertion.strain_check import StrainCheck, validity
     from needlefem.insertion.time_stepping import TimeStepping
     from needlefem.insertion.tissue_response import ElasticResponse, TissueResponse
 
@@ -78,9 +79,11 @@ if not TYPE_CHECKING:
         insertion_run="InsertionRun KeptStates SaveAt",
         motion_schedule="TimeStep",
         path_following="PathFollowing",
-        strain_check="StrainCheck validity",
         response_in_time="DynamicResponse ViscoelasticResponse",
-        result="EnergyTerms Event Insertion LeftTissueError Outcome Rupture Seed Status",
+        result=(
+            "EnergyTerms Event Insertion LeftTissueError Outcome Rupture Seed Status StrainCheck "
+            "validity"
+        ),
         simulation="Discretised Simulation Watch discretised",
         state="State TipPhase displacements load loads",
         sticking="STICK_CONDITION",

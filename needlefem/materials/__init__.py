@@ -12,24 +12,23 @@ from needlefem._exports import lazy_exports
 from needlefem.materials.volumetric_split import volumetric_split
 
 if TYPE_CHECKING:
-    from needlefem.materials.anisotropic import Orthotropic, TransverselyIsotropic
     from needlefem.materials.base import Material, MaterialResponse
     from needlefem.materials.catalogue import LAWS, example, law_class, library, tissue_table
     from needlefem.materials.linear_elastic import (
+        Branch,
+        HasBranches,
         Isotropic,
         LinearElastic,
         MaxwellState,
+        Orthotropic,
+        TransverselyIsotropic,
+        branches_of,
+        load_factor,
         local_axes,
+        relaxation_factor,
         turned,
     )
     from needlefem.materials.linearity import refuse_nonlinear
-    from needlefem.materials.relaxation import (
-        Branch,
-        HasBranches,
-        branches_of,
-        load_factor,
-        relaxation_factor,
-    )
     from needlefem.materials.viscoelastic import Viscoelastic
     from needlefem.materials.voigt import tangent_matrix, tangent_tensor
     from needlefem.materials.volumetric_split import (
@@ -71,12 +70,13 @@ __all__ = [
 if not TYPE_CHECKING:
     __getattr__, __dir__ = lazy_exports(
         __name__,
-        anisotropic="Orthotropic TransverselyIsotropic",
         base="Material MaterialResponse",
         catalogue="LAWS example law_class library tissue_table",
-        linear_elastic="Isotropic LinearElastic MaxwellState local_axes turned",
+        linear_elastic=(
+            "Branch HasBranches Isotropic LinearElastic MaxwellState Orthotropic "
+            "TransverselyIsotropic branches_of load_factor local_axes relaxation_factor turned"
+        ),
         linearity="refuse_nonlinear",
-        relaxation="Branch HasBranches branches_of load_factor relaxation_factor",
         viscoelastic="Viscoelastic",
         voigt="tangent_matrix tangent_tensor",
         volumetric_split="HasCompliance VolumetricSplit plane_volumetric_split",

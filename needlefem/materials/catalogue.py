@@ -52,8 +52,8 @@ def describe_tissues() -> str:
 
 HOMES = {
     "isotropic": "linear_elastic:Isotropic",
-    "transversely-isotropic": "anisotropic:TransverselyIsotropic",
-    "orthotropic": "anisotropic:Orthotropic",
+    "transversely-isotropic": "linear_elastic:TransverselyIsotropic",
+    "orthotropic": "linear_elastic:Orthotropic",
     "viscoelastic": "viscoelastic:Viscoelastic",
 }
 

@@ -13,8 +13,7 @@ from needlefem._arrays import Floats
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
 from needlefem.materials.base import Material
-from needlefem.materials.linear_elastic import LinearElastic
-from needlefem.materials.relaxation import HasBranches
+from needlefem.materials.linear_elastic import HasBranches, LinearElastic
 from needlefem.materials.volumetric_split import HasCompliance
 
 AMPLITUDES = (1e-3, 0.03, 0.3)

@@ -7,8 +7,7 @@ import numpy as np
 from needlefem._arrays import Floats
 from needlefem.errors import CaseError
 from needlefem.materials import voigt
-from needlefem.materials.linear_elastic import Isotropic
-from needlefem.materials.relaxation import Branch
+from needlefem.materials.linear_elastic import Branch, Isotropic
 from needlefem.validation import parameter
 
 
@@ -45,7 +44,7 @@ class Viscoelastic(Isotropic):
             raise CaseError("material", problem, "keep the sum below 1")
 
     def branches(self) -> tuple[Branch, ...]:
-        """See `needlefem.materials.relaxation.HasBranches`."""
+        """See `needlefem.materials.linear_elastic.HasBranches`."""
         return tuple(
             Branch(time, modulus * deviator())
             for time, modulus in zip(self.times, self._moduli, strict=True)

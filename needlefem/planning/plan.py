@@ -10,8 +10,8 @@ from needlefem._arrays import Vector
 from needlefem.checks.mesh_checks import overlaps
 from needlefem.errors import CaseError
 from needlefem.insertion.energy_balance import energy_terms
+from needlefem.insertion.result import validity
 from needlefem.insertion.simulation import Simulation, Watch, discretised
-from needlefem.insertion.strain_check import validity
 from needlefem.planning.adaptive import PlanAttempt, PlanRequest, Stopwatch, attempt_plan
 from needlefem.planning.reading import at_rupture, ended_early, state_at
 from needlefem.planning.result import (

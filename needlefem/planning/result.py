@@ -6,9 +6,8 @@ from enum import StrEnum
 
 from needlefem._arrays import Vector
 from needlefem.checks.result import CheckResult
-from needlefem.insertion.result import EnergyTerms, Insertion
+from needlefem.insertion.result import EnergyTerms, Insertion, StrainCheck
 from needlefem.insertion.simulation import Discretised
-from needlefem.insertion.strain_check import StrainCheck
 from needlefem.needle.clearance import Passing
 from needlefem.planning.search import SearchResult
 

@@ -9,7 +9,7 @@ from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.errors import CaseError, nearest
 from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.recovery import CellFields
-from needlefem.insertion.strain_check import LARGE_STRAIN
+from needlefem.insertion.result import LARGE_STRAIN
 from needlefem.mesh.generation import BACKGROUND
 from needlefem.plotting.canvas import Canvas, Strands, SurfaceMesh
 from needlefem.plotting.images import Plotter, PolyData, Style, renderer

@@ -19,10 +19,9 @@ from needlefem.errors import NeedlefemError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.energy_balance import energy_terms
 from needlefem.insertion.motion_schedule import motion_stages
-from needlefem.insertion.result import Insertion, Status
+from needlefem.insertion.result import Insertion, Status, validity
 from needlefem.insertion.simulation import Simulation
 from needlefem.insertion.state import TipPhase
-from needlefem.insertion.strain_check import validity
 from needlefem.io.records import energy_record, insertion_record
 from needlefem.io.result_folder import to_json
 from needlefem.planning.adaptive import PlanRequest, attempt_plan

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from needlefem import load_case
-from needlefem.cli.ignored import unused_keys
+from needlefem.cli.common import unused_keys
 from needlefem.cli.main import main
 from needlefem.io.expectations import KEYS, LIST, TABLE, VALUE
 from needlefem.scene import Rayleigh, vary
