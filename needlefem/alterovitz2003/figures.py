@@ -343,9 +343,7 @@ def draw_turning(insertion: Insertion, depth: float, path: Path) -> float:
 def _hand(canvas: Canvas, middle: Vector, outline: Points, angle: float) -> Points:
     """Return the ends of a vertical diameter, rotated by an angle on the screen."""
     size = 0.5 * float(np.ptp(canvas.screen(outline)[:, 1]))
-    arm: Floats = -canvas.axis.direction * -np.sin(angle) + canvas.axis.lateral_directions[
-        0
-    ] * np.cos(angle)
+    arm: Floats = np.array([-np.sin(angle), np.cos(angle)]) @ canvas.frame
     return np.stack([middle - size * arm, middle + size * arm])
 
 

@@ -1,7 +1,7 @@
 """Drawing of tissue, needle, seeds, target and paths with PyVista.
 
-The needle enters from the right, as in the paper of 2003: the depth increases to the left, the
-lateral offset upwards. Drawn objects can be moved, so that further pictures need no new objects.
+A needle along the second coordinate enters from the right, as in the paper of 2003. Drawn objects
+can be moved, so that further pictures need no new objects.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,10 @@ import numpy as np
 from needlefem._arrays import Bools, Floats, Ints, Points, SkfemMesh, Vector
 from needlefem.elements.shape_functions import ShapeTable, shape_table
 from needlefem.fem.function_space import FunctionSpace
+from needlefem.geometry.contour import Contour
 from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.plotting.images import Plotter, PolyData, Style, renderer
+from needlefem.scene import Obstacle
 
 PIECES = 20_000
 """Approximate number of triangles and quadrilaterals that curved cells are divided into."""
@@ -168,6 +170,8 @@ def _edges(corners: Ints, along: Ints) -> tuple[Ints, Bools]:
 
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+GRID = 200
+"""Points a side of the grid on which the line around an obstacle is found."""
 LAYER = 1e-3
 """Distance between layers, m; a higher layer covers the lower ones."""
 OBSTACLE_LAYER = 2.2
@@ -177,8 +181,24 @@ THINNEST = 1.25
 """Smallest line width, pixels; parts of a thinner line would fall between the samples."""
 
 
+def screen_frame(axis: InsertionAxis) -> Floats:
+    """Return the directions to the right and upwards on the screen, shape (2, dim).
+
+    In 2D the first coordinate increases upwards and the second to the left, for any needle: the
+    patient is upright and an oblique needle is drawn oblique. In 3D both directions lie in the
+    plane of the needle, the first opposite to the coordinate axis nearest to the needle.
+    """
+    along, up = -axis.direction, axis.lateral_directions[0]
+    if len(along) == 2:
+        return np.array([[0.0, -1.0], [1.0, 0.0]])
+    nearest = int(np.argmax(np.abs(along)))
+    x, y = np.sign(along[nearest]) * np.array([along[nearest], up[nearest]])
+    turned: Floats = np.array([[x, y], [-y, x]]) @ np.stack([along, up]) / np.hypot(x, y)
+    return turned
+
+
 class Canvas:
-    """Screen coordinates of one panel: right is opposite to the needle, up is lateral.
+    """Screen coordinates of one panel; see `screen_frame`.
 
     In 3D, the half of the tissue behind the plane of the needle is shown; all other objects lie in
     this plane.
@@ -194,18 +214,17 @@ class Canvas:
 
     def __init__(self, plotter: Plotter, axis: InsertionAxis, style: Style) -> None:
         self.plotter, self.axis, self.style = plotter, axis, style
-        self._pv = renderer()
+        self._pv, self.frame = renderer(), screen_frame(axis)
         wide, high = plotter.renderer.GetSize()
         self._thin = min(1.0, min(high, 0.8 * wide) / FULL)
 
     def screen(self, points: Points, layer: float = 0.0) -> Floats:
         """Return screen coordinates of points, shape (n, dim), as (n, 3), m."""
         points = np.atleast_2d(points)
-        across = np.stack([-self.axis.direction, self.axis.lateral_directions[0]], axis=1)
         height = np.full(len(points), LAYER * layer)
         if points.shape[1] == 3:
             height = height + self.axis.lateral_offset(points)[:, 1]
-        return np.column_stack([points @ across, height])
+        return np.column_stack([points @ self.frame.T, height])
 
     def plane(self, points: Points, layer: float) -> Floats:
         """Return screen coordinates in the plane of the needle, shape (n, 3), m."""
@@ -267,12 +286,15 @@ class Canvas:
         self.add(data, color=colour)
         return data
 
-    def obstacle(self, corners: Points) -> None:
-        """Fill and outline a polygon, convex or not, that is fixed in space."""
+    def obstacle(self, obstacle: Obstacle) -> None:
+        """Draw an obstacle, fixed in space, and a line at the distance of its clearance."""
+        corners = obstacle.contour.points
         at = self.plane(corners, OBSTACLE_LAYER)
         filled = self._pv.PolyData(at, faces=[len(at), *range(len(at))]).triangulate()
         self.add(filled, color=self.style.obstacle)
         self.polyline(corners, self.style.needle, 2.0, OBSTACLE_LAYER + 0.1, closed=True)
+        for ring in clearance_lines(obstacle.contour, obstacle.clearance):
+            self.polyline(ring, self.style.obstacle, 2.0, OBSTACLE_LAYER + 0.1)
 
     def needle_corners(self, tip: Vector, radius: float, length: float) -> Floats:
         """Return the outline of the needle, tip first, over a length (m) behind the tip."""
@@ -289,8 +311,7 @@ class Canvas:
         return shapes
 
     def _square(self, point: Vector, size: Floats | float) -> Floats:
-        frame = np.stack([-self.axis.direction, self.axis.lateral_directions[0]])
-        corners: Floats = point + (0.5 * np.asarray(size) * SQUARE) @ frame
+        corners: Floats = point + (0.5 * np.asarray(size) * SQUARE) @ self.frame
         return corners
 
     def seed(self, point: Vector, size: float, colour: str | None = None) -> list[PolyData]:
@@ -299,22 +320,38 @@ class Canvas:
         return [rim, self.polygon(self._square(point, size), colour or self.style.seed, 6)]
 
     def target(self, point: Vector, size: float, colour: str | None = None) -> None:
-        """Draw the target as an upright cross, `size` m wide."""
+        """Draw the target as four arms of an upright cross, `2 size` m wide, open in the middle."""
         for paint, rim, layer in (("white", 0.05, 7), (colour or self.style.target, 0.0, 8)):
-            for arm in (np.array([0.5, 0.07]), np.array([0.07, 0.5])):
-                self.polygon(self._square(point, 2.0 * size * (arm + rim)), paint, layer)
+            for arm in (np.array([0.32, 0.07]), np.array([0.07, 0.32])):
+                way = np.where(arm > 0.1, 0.34 * 2.0 * size, 0.0)
+                for side in (-way, way):
+                    shape = self._square(point + side @ self.frame, 2.0 * size * (arm + rim))
+                    self.polygon(shape, paint, layer)
 
     def disc(self, point: Vector, size: float, colour: str, layer: float = 6) -> PolyData:
         """Draw a disc, `size` m wide."""
         turn = 2.0 * np.pi * np.arange(32) / 32
-        frame = np.stack([-self.axis.direction, self.axis.lateral_directions[0]])
         ring = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        self.polygon(point + (0.5 * size + 0.06 * size) * ring @ frame, "white", layer - 0.5)
-        return self.polygon(point + 0.5 * size * ring @ frame, colour, layer)
+        self.polygon(point + (0.5 * size + 0.06 * size) * ring @ self.frame, "white", layer - 0.5)
+        return self.polygon(point + 0.5 * size * ring @ self.frame, colour, layer)
 
     def marker(self, shapes: Sequence[PolyData], home: Vector) -> "Marker":
         """Return shapes that were drawn at `home` as an object that can be moved."""
         return Marker(self, shapes, home)
+
+
+def clearance_lines(contour: Contour, distance: float) -> list[Points]:
+    """Return the lines outside of a contour at a distance (m) from it."""
+    if distance == 0.0:
+        return []
+    from contourpy import contour_generator  # noqa: PLC0415  (comes with matplotlib)
+
+    low, high = contour.points.min(axis=0), contour.points.max(axis=0)
+    x, y = np.linspace(low - 1.1 * distance, high + 1.1 * distance, GRID).T
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    apart = np.where(contour.contains(points), 0.0, contour.distance(points))
+    lines = contour_generator(x, y, apart.reshape(GRID, GRID)).lines(distance)
+    return [np.asarray(line) for line in lines]
 
 
 class Marker:

@@ -25,7 +25,7 @@ from needlefem.io.result_folder import whole_file
 from needlefem.planning.planner import Planner
 from needlefem.planning.reading import InsertionReader, ended_early
 from needlefem.planning.result import Plan
-from needlefem.plotting.images import Style, require_kind, save_still
+from needlefem.plotting.images import Style, force_unit, require_kind, save_still
 from needlefem.scene import Scene
 
 if TYPE_CHECKING:
@@ -234,11 +234,6 @@ MOST_ARROWS = 12
 """Largest number of arrows along a curve."""
 SHORTEST = 0.1
 """Shortest course with an arrow, relative to the range of depths."""
-
-
-def force_unit(dim: int) -> str:
-    """Return the unit of forces in words: those of plane strain are per metre of thickness."""
-    return "N" if dim == 3 else "N per m of thickness"
 
 
 def draw_forces(insertion: Insertion, path: Path) -> Path:

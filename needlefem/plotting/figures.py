@@ -10,15 +10,16 @@ from needlefem._arrays import Floats, Points, Vector
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import Insertion
 from needlefem.insertion.simulation import Simulation
+from needlefem.mesh.generation import BACKGROUND
 from needlefem.needle.needle_interface import InsertionAxis
 from needlefem.planning.planner import Planner
 from needlefem.planning.result import Plan, PlanStatus, Release, headline
 from needlefem.plotting.canvas import Canvas
 from needlefem.plotting.charts import draw_depth, draw_height
 from needlefem.plotting.images import Plotter, Style, renderer, save
-from needlefem.plotting.panel import Panel, Window, synthetic_ultrasound
+from needlefem.plotting.panel import Panel, Window, rulers, synthetic_ultrasound
 from needlefem.plotting.timeline import Frame, Timeline
-from needlefem.plotting.view import Body, TissueView, ViewOptions
+from needlefem.plotting.view import Body, TissueView, ViewOptions, region_colours
 from needlefem.scene import Scene
 
 ACROSS = 3
@@ -109,7 +110,8 @@ class _Setup:
         self.simulation, self.axis, self.style = simulation, axis, style
         self.scene, self.mesh = simulation.scene, simulation.model.mesh
         self.canvas = Canvas(plotter, axis, style)
-        self.panel = Panel(plotter, style, lines=2, legend=self._legend())
+        ruled = rulers(self.canvas, self.scene.axes)
+        self.panel = Panel(plotter, style, lines=2, legend=self._legend(), ruled=ruled)
         at = self.canvas.screen(self.mesh.p.T)[:, :2]
         self.low, self.high = at.min(axis=0), at.max(axis=0)
         self.span = float((self.high - self.low).max())
@@ -120,9 +122,10 @@ class _Setup:
         for region in self.scene.regions.values():
             canvas.contour(region.contour.points)
         for obstacle in self.scene.obstacles.values():
-            canvas.obstacle(obstacle.contour.points)
+            canvas.obstacle(obstacle)
         room = 0.07 * self.span
-        ends = np.array([self.low - room, self.high + room + np.array([0.25 * self.span, 0.0])])
+        behind = canvas.screen(self.axis.tip_position(-0.3 * self.span))[0, :2]
+        ends = np.array([self.low - room, self.high + room, behind])
         self.panel.look(Window.around(ends, 0.02))
         self._supports()
         self._needle()
@@ -183,13 +186,13 @@ class _Setup:
     def _legend(self) -> list[tuple[str, str]]:
         """Return the legend: colours with names and numbers."""
         scene, style = self.scene, self.style
-        found = [(style.tissue[0], f"{scene.default_material} (background)")]
+        colours = region_colours(self.simulation.model, style)
+        found = [(colours[BACKGROUND], f"{scene.default_material} (background)")]
         covered = {obstacle.region for obstacle in scene.obstacles.values()}
-        for number, (name, region) in enumerate(sorted(scene.regions.items()), start=1):
-            colour = style.tissue[number % len(style.tissue)]
+        for name, region in scene.regions.items():
             text = name if name == region.material else f"{name}: {region.material}"
             if name not in covered:
-                found.append((colour, text))
+                found.append((colours[name], text))
         for name, support in scene.supports.items():
             axes = f" ({', '.join(support.fixed)})" if support.fixed else ""
             found.append((style.support, f"{name}: fixed{axes}"))
@@ -317,7 +320,8 @@ def _window(canvas: Canvas, column: _Column) -> Window:
     """Return a window from outside of the skin to behind the target."""
     depth = float(column.insertion.axis.axial_coordinate(column.target))
     width = depth + 0.037
-    centre = canvas.screen(column.target)[0, :2] + np.array([0.5 * depth - 0.0065, 0.0095])
+    middle = column.target - 0.5 * depth * column.insertion.axis.direction
+    centre = canvas.screen(middle)[0, :2] + np.array([-0.0065, 0.0095])
     return Window(centre, width, 0.56 * width)
 
 

@@ -9,7 +9,7 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from itertools import chain
@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from needlefem._arrays import Floats
+from needlefem._arrays import Floats, Ints
 from needlefem._progress import doing
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.io.result_folder import whole_file
@@ -103,6 +103,11 @@ class Style:
     path_width: float = 3.0
     text_size: float = 0.034
     smallest_text: int = 9
+
+
+def force_unit(dim: int) -> str:
+    """Return the unit of forces in words: those of plane strain are per metre of thickness."""
+    return "N" if dim == 3 else "N per m of thickness"
 
 
 # What the pictures use of PyVista, which is imported only when a picture is drawn.
@@ -197,6 +202,109 @@ class Plotter(Protocol):
     def close(self) -> None:
         """Free the window."""
         ...
+
+
+# Texts and rectangles in pixels over a panel.
+
+
+GLYPH = 0.6
+"""Approximate width of a letter relative to the text size; long texts are drawn smaller."""
+
+
+class _TextStyle(Protocol):
+    """A `pyvista.TextProperty`."""
+
+    color: str
+    justification_horizontal: str
+    justification_vertical: str
+    orientation: float
+    font_size: int
+
+
+class _TextActor(Protocol):
+    """A `pyvista.Text`."""
+
+    prop: _TextStyle
+    input: str
+    position: tuple[float, float]
+
+    def SetLayerNumber(self, number: int) -> None: ...  # noqa: N802  (VTK's name)
+
+
+class Sheet:
+    """Drawing in pixel coordinates from the lower left corner; later objects cover earlier ones.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+        A plotter whose active subplot is this panel.
+    style : Style
+    """
+
+    def __init__(self, plotter: Plotter, style: Style) -> None:
+        self.plotter, self.style = plotter, style
+        self.renderer = plotter.renderer
+        self.wide, self.high = (float(n) for n in self.renderer.GetSize())
+        least = float(style.smallest_text)
+        self.text = max(style.text_size * min(self.high, 0.8 * self.wide), least)
+        """Size of texts, pixels."""
+        self._texts: dict[str, _TextActor] = {}
+
+    def colour(self, name: str) -> Floats:
+        """Return a colour as red, green, blue, 0 to 1."""
+        found: Floats = np.array(renderer().Color(name).float_rgb)
+        return found
+
+    def width(self, text: str) -> float:
+        """Return the approximate width of a text, pixels."""
+        return GLYPH * self.text * len(text)
+
+    def write(
+        self,
+        name: str,
+        text: str,
+        at: Sequence[float],
+        room: float,
+        *,
+        justify: str = "left",
+        upward: bool = False,
+    ) -> None:
+        """Draw a text, or replace it; it is drawn smaller if it is longer than `room` pixels."""
+        size = min(self.text, room / (GLYPH * max(len(text), 1)))
+        actor = self._texts.get(name)
+        if actor is None:
+            actor = self._texts[name] = renderer().Text(text)
+            actor.prop.color = self.style.text
+            actor.prop.justification_horizontal = justify
+            actor.prop.justification_vertical = "bottom"
+            actor.prop.orientation = 90.0 if upward else 0.0
+            actor.SetLayerNumber(1)
+            self.renderer.add_actor(actor, reset_camera=False, render=False)
+        actor.input = text
+        actor.prop.font_size = max(round(size), 1)
+        actor.position = (float(at[0]), float(at[1]))
+
+    def rectangles(self, corners: Floats, colours: Floats) -> None:
+        """Draw rectangles, shape (n, 4): left, bottom, right, top; colours (n, 3), 0 to 1."""
+        x0, y0, x1, y1 = corners.T
+        ring = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 2)
+        self._draw(ring, np.arange(len(ring)).reshape(-1, 4), colours)
+
+    def _draw(self, points: Floats, polygons: Ints, colours: Floats) -> None:
+        """Draw convex polygons with corners of shape (n, k) among points, shape (npoints, 2)."""
+        from vtkmodules.vtkRenderingCore import (  # noqa: PLC0415
+            vtkActor2D,
+            vtkPolyDataMapper2D,
+        )
+
+        faces = np.column_stack([np.full(len(polygons), polygons.shape[1]), polygons]).ravel()
+        data = renderer().PolyData(np.column_stack([points, np.zeros(len(points))]), faces=faces)
+        data.cell_data["colours"] = np.round(255.0 * colours).astype(np.uint8)
+        data.set_active_scalars("colours", preference="cell")
+        mapper, actor = vtkPolyDataMapper2D(), vtkActor2D()
+        mapper.SetInputData(data)
+        actor.SetMapper(mapper)
+        self.renderer.AddViewProp(actor)
 
 
 # Files of pictures and animations.

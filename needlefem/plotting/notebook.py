@@ -13,6 +13,7 @@ from needlefem.errors import NoRendererError
 from needlefem.insertion.result import Insertion
 from needlefem.io.saved_result import SavedResult
 from needlefem.planning.result import Plan, headline
+from needlefem.plotting.images import force_unit
 from needlefem.scene import Scene
 
 SIZE = (800, 600)
@@ -32,7 +33,7 @@ def _(result: Insertion) -> str:
         "status": f"{outcome.status}: {outcome.sentence}",
         "depth": f"{100 * last.depth:.3f} cm",
         "material at the tip": _place(last.tip, axes),
-        "force at the end": f"{last.force:.4g} {'N' if result.model.dim == 3 else 'N/m'}",
+        "force at the end": f"{last.force:.4g} {force_unit(result.model.dim)}",
         "seeds": ", ".join(f"{s.name} {_place(s.point, axes)}" for s in result.seeds),
         "mesh": f"{result.model.mesh.nelements} cells, {result.scene.discretization.element}",
     }
@@ -64,14 +65,14 @@ def _(result: Plan) -> str:
 def _(result: Scene) -> str:
     materials = {name: region.material for name, region in result.regions.items()}
     needle = result.needle
-    per = "N" if result.dim == 3 else "N/m"
+    force = f"{needle.cutting_force:.4g} {force_unit(result.dim)}"
     rows = {
         "tissue": ", ".join(
             [result.default_material, *(f"{n}: {m}" for n, m in materials.items())]
         ),
         "supports": ", ".join(result.supports),
         "element": f"{result.discretization.element}, {result.discretization.integrator}",
-        "needle": f"tip {1e3 * needle.tip_radius:.3g} mm, cuts at {needle.cutting_force:.4g} {per}",
+        "needle": f"tip {1e3 * needle.tip_radius:.3g} mm, cuts at {force}",
         "deepest": f"{100 * result.motion.max_depth:.3f} cm",
         "target": "" if result.target is None else _place(result.target, result.axes),
         "case": "" if result.source is None else str(result.source),

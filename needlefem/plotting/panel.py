@@ -1,14 +1,12 @@
 """One panel of a picture: image on the tissue, camera, titles, scale bar, colour bar, legend.
 
 An image (an ultrasound slice, or a synthetic one) is mapped on the tissue and deforms with it. It
-covers the bounding box of the undeformed tissue on the screen: the needle enters at its right side,
-up is lateral.
+covers the bounding box of the undeformed tissue on the screen.
 """
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -18,8 +16,8 @@ from needlefem._inputfile import require_file
 from needlefem.errors import CaseError
 from needlefem.fem.tissue_model import TissueModel
 from needlefem.needle.needle_interface import InsertionAxis
-from needlefem.plotting.canvas import Canvas
-from needlefem.plotting.images import Plotter, Style, renderer
+from needlefem.plotting.canvas import Canvas, screen_frame
+from needlefem.plotting.images import GLYPH, Plotter, Sheet, Style, renderer
 from needlefem.scene import Scene
 
 PIXEL = 0.15e-3
@@ -93,7 +91,7 @@ def synthetic_ultrasound(
     Speckle is the magnitude of a sum of many random echoes under the point spread function of the
     beam (complex Gaussian noise, smoothed; J. W. Goodman 1976), shown in dB.
     """
-    corners = np.stack([-axis.direction, axis.lateral_directions[0]], axis=1)
+    corners = screen_frame(axis).T
     at = model.mesh.p.T @ corners
     low, high = at.min(axis=0), at.max(axis=0)
     columns, rows = (max(int(n), 8) for n in np.ceil((high - low) / PIXEL))
@@ -126,11 +124,11 @@ def _mean_echo(scene: Scene, points: Floats) -> Floats:
 # so that they do not cover the scene.
 
 
-GLYPH = 0.6
-"""Approximate width of a letter relative to the text size; long texts are drawn smaller."""
 LONGEST_BAR = 0.25
 """Largest length of the scale bar relative to the width of the scene."""
 SHADES = 64
+SMALL = 200
+"""Height of a panel, pixels, below which it has a scale bar instead of axes."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -168,100 +166,43 @@ class Scale:
     over: bool = False
 
 
-class _TextStyle(Protocol):
-    """A `pyvista.TextProperty`."""
-
-    color: str
-    justification_horizontal: str
-    justification_vertical: str
-    orientation: float
-    font_size: int
-
-
-class _TextActor(Protocol):
-    """A `pyvista.Text`."""
-
-    prop: _TextStyle
-    input: str
-    position: tuple[float, float]
-
-    def SetLayerNumber(self, number: int) -> None: ...  # noqa: N802  (VTK's name)
-
-
-class Sheet:
-    """Drawing in pixel coordinates from the lower left corner; later objects cover earlier ones.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Ruler:
+    """A coordinate axis along a side of the scene.
 
     Parameters
     ----------
-    plotter : pyvista.Plotter
-        A plotter whose active subplot is this panel.
-    style : Style
+    label : str
+        Coordinate and unit.
+    sign : float
+        Whether the coordinate increases (1) or decreases (-1) to the right or upwards.
     """
 
-    def __init__(self, plotter: Plotter, style: Style) -> None:
-        self.plotter, self.style = plotter, style
-        self.renderer = plotter.renderer
-        self.wide, self.high = (float(n) for n in self.renderer.GetSize())
-        least = float(style.smallest_text)
-        self.text = max(style.text_size * min(self.high, 0.8 * self.wide), least)
-        """Size of texts, pixels."""
-        self._texts: dict[str, _TextActor] = {}
+    label: str
+    sign: float
 
-    def colour(self, name: str) -> Floats:
-        """Return a colour as red, green, blue, 0 to 1."""
-        found: Floats = np.array(renderer().Color(name).float_rgb)
-        return found
 
-    def width(self, text: str) -> float:
-        """Return the approximate width of a text, pixels."""
-        return GLYPH * self.text * len(text)
+def rulers(canvas: Canvas, names: Sequence[str]) -> tuple[Ruler, Ruler] | None:
+    """Return the axes below and beside a scene, or None if a side is no coordinate axis."""
+    sides = []
+    for way in canvas.frame:
+        number = int(np.argmax(np.abs(way)))
+        if abs(way[number]) < 1.0 - 1e-9:
+            return None
+        sides.append(Ruler(label=f"{names[number]} (cm)", sign=float(np.sign(way[number]))))
+    along = ", ".join(f"{x + 0.0:.2g}" for x in canvas.axis.direction)
+    across = f"{sides[0].label}; depth along ({', '.join(names)}) = ({along})"
+    return dataclasses.replace(sides[0], label=across), sides[1]
 
-    def write(
-        self,
-        name: str,
-        text: str,
-        at: Sequence[float],
-        room: float,
-        *,
-        justify: str = "left",
-        upward: bool = False,
-    ) -> None:
-        """Draw a text, or replace it; it is drawn smaller if it is longer than `room` pixels."""
-        size = min(self.text, room / (GLYPH * max(len(text), 1)))
-        actor = self._texts.get(name)
-        if actor is None:
-            actor = self._texts[name] = renderer().Text(text)
-            actor.prop.color = self.style.text
-            actor.prop.justification_horizontal = justify
-            actor.prop.justification_vertical = "bottom"
-            actor.prop.orientation = 90.0 if upward else 0.0
-            actor.SetLayerNumber(1)
-            self.renderer.add_actor(actor, reset_camera=False, render=False)
-        actor.input = text
-        actor.prop.font_size = max(round(size), 1)
-        actor.position = (float(at[0]), float(at[1]))
 
-    def rectangles(self, corners: Floats, colours: Floats) -> None:
-        """Draw rectangles, shape (n, 4): left, bottom, right, top; colours (n, 3), 0 to 1."""
-        x0, y0, x1, y1 = corners.T
-        ring = np.stack([x0, y0, x1, y0, x1, y1, x0, y1], axis=1).reshape(-1, 2)
-        self._draw(ring, np.arange(len(ring)).reshape(-1, 4), colours)
+def round_numbers(low: float, high: float, most: int) -> Floats:
+    """Return round numbers in a range, at most `most` intervals apart, shape (n,)."""
+    from matplotlib.ticker import MaxNLocator  # noqa: PLC0415  (only a picture needs it)
 
-    def _draw(self, points: Floats, polygons: Ints, colours: Floats) -> None:
-        """Draw convex polygons with corners of shape (n, k) among points, shape (npoints, 2)."""
-        from vtkmodules.vtkRenderingCore import (  # noqa: PLC0415
-            vtkActor2D,
-            vtkPolyDataMapper2D,
-        )
-
-        faces = np.column_stack([np.full(len(polygons), polygons.shape[1]), polygons]).ravel()
-        data = renderer().PolyData(np.column_stack([points, np.zeros(len(points))]), faces=faces)
-        data.cell_data["colours"] = np.round(255.0 * colours).astype(np.uint8)
-        data.set_active_scalars("colours", preference="cell")
-        mapper, actor = vtkPolyDataMapper2D(), vtkActor2D()
-        mapper.SetInputData(data)
-        actor.SetMapper(mapper)
-        self.renderer.AddViewProp(actor)
+    found = np.asarray(MaxNLocator(most, steps=[1, 2, 5, 10]).tick_values(low, high))
+    slack = 1e-9 * (high - low)
+    inside: Floats = found[(found >= low - slack) & (found <= high + slack)]
+    return inside
 
 
 class Panel(Sheet):
@@ -277,6 +218,13 @@ class Panel(Sheet):
         Scale of a colour bar at the right.
     legend : sequence of (colour, text)
         Legend at the right.
+    row : sequence of (colour, text)
+        Legend in a row above the scene.
+    ruled : (Ruler, Ruler), optional
+        Axes below and beside the scene, instead of a scale bar; small panels have neither axes
+        nor a legend in a row.
+    note : str
+        Note below the scene.
     """
 
     def __init__(
@@ -287,15 +235,26 @@ class Panel(Sheet):
         lines: int = 1,
         scale: Scale | None = None,
         legend: Sequence[tuple[str, str]] = (),
+        row: Sequence[tuple[str, str]] = (),
+        ruled: tuple[Ruler, Ruler] | None = None,
+        note: str = "",
     ) -> None:
         super().__init__(plotter, style)
-        self._lines = lines
+        if self.high < SMALL:
+            row, ruled = (), None
+        self._below = 1.4 * self.text if ruled and note else 0.0
+        self._ruled, self._top = ruled, self.text * (0.7 + 1.45 * (lines + bool(row)))
+        self._left, self._bottom = self.text * np.array((4.6, 3.5) if ruled else (0.0, 2.6))
+        self._bottom += self._below
         self._right = self._right_margin(scale, legend)
         self._per_pixel = 1.0
         self._margins()
         if scale is not None:
             self._colour_bar(scale)
         self._legend(legend)
+        self._row(row, lines)
+        if note:
+            self.note(note)
 
     def _right_margin(self, scale: Scale | None, legend: Sequence[tuple[str, str]]) -> float:
         """Return the width of the colour bar or the legend, pixels."""
@@ -312,7 +271,7 @@ class Panel(Sheet):
         strips = [
             [0.0, 0.0, wide, self._bottom],
             [0.0, high - self._top, wide, high],
-            [0.0, 0.0, gap, high],
+            [0.0, 0.0, max(self._left, gap), high],
             [wide - gap, 0.0, wide, high],
         ]
         if self._right:
@@ -320,28 +279,53 @@ class Panel(Sheet):
         colour = self.colour(self.style.background)
         self.rectangles(np.array(strips), np.tile(colour, (len(strips), 1)))
 
-    @property
-    def _top(self) -> float:
-        return self.text * (0.7 + 1.45 * self._lines)
-
-    @property
-    def _bottom(self) -> float:
-        return 2.6 * self.text
-
     def look(self, window: Window) -> None:
         """Show a window of the plane between the margins."""
-        free_wide = self.wide - self._right - self.text
+        free_wide = self.wide - self._left - self._right - self.text
         free_high = self.high - self._top - self._bottom
         size = max(window.width / free_wide, window.height / free_high)
         self._per_pixel = size
-        off = 0.5 * np.array([self._right, self._top - self._bottom]) * size
+        off = 0.5 * np.array([self._right - self._left, self._top - self._bottom]) * size
         x, y = window.centre + off
         camera = self.plotter.camera
         camera.parallel_projection = True
         camera.focal_point, camera.position, camera.up = (x, y, 0.0), (x, y, 1.0), (0.0, 1.0, 0.0)
         camera.parallel_scale = 0.5 * self.high * size
         self.renderer.ResetCameraClippingRange()
-        self._scale_bar(LONGEST_BAR * free_wide * size)
+        if self._ruled is None:
+            self._scale_bar(LONGEST_BAR * free_wide * size)
+        else:
+            self._rule(self._ruled, np.array([x, y]))
+
+    def _rule(self, ruled: tuple[Ruler, Ruler], centre: Floats) -> None:
+        """Draw axes with ticks at round values below and beside the scene; `centre`: (2,), m."""
+        begin = np.array([self._left, self._bottom])
+        end = np.array([self.wide - self._right - 0.5 * self.text, self.high - self._top])
+        tick, thick = 0.35 * self.text, max(0.07 * self.text, 1.0)
+        bars = [[*begin, end[0], begin[1] + thick], [*begin, begin[0] + thick, end[1]]]
+        size, middle = 100.0 * self._per_pixel, 0.5 * np.array([self.wide, self.high])
+        for side, ruler in enumerate(ruled):
+            ends = 100.0 * centre[side] + size * (np.array([begin, end])[:, side] - middle[side])
+            low, high = np.sort(ruler.sign * ends)
+            most = max(int((end - begin)[side] / ((4.5, 3.0)[side] * self.text)), 2)
+            for number, value in enumerate(round_numbers(low, high, most)):
+                at = middle[side] + (ruler.sign * value - 100.0 * centre[side]) / size
+                if side == 0:
+                    bars.append([at, begin[1] - tick, at + thick, begin[1]])
+                    place, justify = (at, begin[1] - tick - 1.1 * self.text), "center"
+                else:
+                    bars.append([begin[0] - tick, at, begin[0], at + thick])
+                    place, justify = (begin[0] - 1.6 * tick, at - 0.5 * self.text), "right"
+                self.write(
+                    f"{side} {number}", f"{value + 0.0:g}", place, self._left, justify=justify
+                )
+        self.rectangles(np.array(bars), np.tile(self.colour(self.style.text), (len(bars), 1)))
+        room = 0.9 * (self.wide - self._left)
+        self.write("x", ruled[0].label, (begin[0], 0.4 * self.text + self._below), room=room)
+        height = float(0.5 * (begin[1] + end[1]))
+        self.write(
+            "y", ruled[1].label, (1.4 * self.text, height), room, justify="center", upward=True
+        )
 
     def line(self, text: str, number: int = 0) -> None:
         """Write or replace a line above the scene; its text is drawn smaller until it fits."""
@@ -349,9 +333,9 @@ class Panel(Sheet):
         self.write(f"line {number}", text, at, room=self.wide - 1.4 * self.text)
 
     def note(self, text: str) -> None:
-        """Write a line in the lower right corner, beside the scale bar."""
-        room = 0.6 * self.wide
-        at = (self.wide - 0.7 * self.text, 0.9 * self.text)
+        """Write a line in the lower right corner, below the axes or beside the scale bar."""
+        room = (0.9 if self._below else 0.6) * self.wide
+        at = (self.wide - 0.7 * self.text, (0.4 if self._below else 0.9) * self.text)
         self.write("note", text, at, room=room, justify="right")
 
     def _scale_bar(self, longest: float) -> None:
@@ -378,8 +362,20 @@ class Panel(Sheet):
             at = (left + 1.3 * self.text, low - 0.1 * self.text)
             self.write(f"legend {number}", text, at, room=self._right - 1.9 * self.text)
 
+    def _row(self, entries: Sequence[tuple[str, str]], line: int) -> None:
+        """Draw a legend in a row at a line above the scene, smaller if it would be too long."""
+        full = sum(self.width(text) + 2.6 * self.text for _, text in entries)
+        size = self.text * min(1.0, (self.wide - 1.4 * self.text) / max(full, 1.0))
+        left, low = 0.7 * self.text, self.high - (0.4 + 1.45 * (line + 0.8)) * self.text
+        for number, (colour, text) in enumerate(entries):
+            square = np.array([[left, low, left + 0.8 * size, low + 0.8 * size]])
+            self.rectangles(square, self.colour(colour)[None])
+            room = GLYPH * size * len(text)
+            self.write(f"row {number}", text, (left + 1.2 * size, low - 0.1 * size), room=room)
+            left += room + 2.6 * size
+
     def _colour_bar(self, scale: Scale) -> None:
-        """Draw the colour bar in the right margin: label, bar, five numbers."""
+        """Draw the colour bar in the right margin: label, bar, limits and round values."""
         left = self.wide - self._right + 0.8 * self.text
         low, top = self._bottom + 0.5 * self.text, self.high - self._top - 2.6 * self.text
         table = renderer().LookupTable(cmap=self.style.colour_map, n_values=SHADES)
@@ -388,11 +384,22 @@ class Panel(Sheet):
         self.rectangles(np.stack(ends, axis=1), np.asarray(table.values)[:, :3] / 255.0)
         at = (self.wide - 0.5 * self.text, top + 1.1 * self.text)
         self.write("quantity", scale.label, at, room=self._right, justify="right")
-        for number, share in enumerate(np.linspace(0.0, 1.0, 5)):
-            value = scale.low + share * (scale.high - scale.low)
-            sign = "\u2265 " if scale.over and number == 4 else ""
-            where = (left + 1.6 * self.text, low + share * (top - low) - 0.5 * self.text)
+        apart, marks = (
+            1.4 * self.text * (scale.high - scale.low) / (top - low),
+            [scale.low, scale.high],
+        )
+        between = round_numbers(scale.low, scale.high, 6)
+        marks += [v for v in between.tolist() if min(v - scale.low, scale.high - v) > apart]
+        for number, value in enumerate(marks):
+            height = low + (value - scale.low) / (scale.high - scale.low) * (top - low)
+            sign = "\u2265 " if scale.over and number == 1 else ""
+            where = (left + 1.6 * self.text, height - 0.5 * self.text)
             self.write(f"tick {number}", f"{sign}{value:.3g}", where, room=4.4 * self.text)
+        heights = low + (np.array(marks) - scale.low) / (scale.high - scale.low) * (top - low)
+        ticks = np.array(
+            [[left + 1.1 * self.text, y - 0.5, left + 1.4 * self.text, y + 0.5] for y in heights]
+        )
+        self.rectangles(ticks, np.tile(self.colour(self.style.text), (len(ticks), 1)))
 
 
 def round_length(longest: float) -> float:

@@ -7,13 +7,12 @@ import numpy as np
 
 from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.errors import CaseError, nearest
-from needlefem.fem.function_space import FunctionSpace
 from needlefem.fem.recovery import CellFields
+from needlefem.fem.tissue_model import TissueModel
 from needlefem.insertion.result import LARGE_STRAIN
-from needlefem.mesh.generation import BACKGROUND
 from needlefem.plotting.canvas import Canvas, Strands, SurfaceMesh
-from needlefem.plotting.images import Plotter, PolyData, Style, renderer
-from needlefem.plotting.panel import Panel, Scale, Texture, Window
+from needlefem.plotting.images import Plotter, PolyData, Style, force_unit, renderer
+from needlefem.plotting.panel import Panel, Scale, Texture, Window, rulers
 from needlefem.plotting.timeline import Frame, Timeline
 
 # Fields that pictures can show: names, units, values and colour scales.
@@ -118,14 +117,20 @@ def scale_of(shown: FieldQuantity, values: Sequence[Floats]) -> Scale:
 EDGE_LAYER, SKIN_LAYER = 1, 2
 
 
+def region_colours(model: TissueModel, style: Style) -> dict[str, str]:
+    """Return the colour of the background and of each region, in the order of their materials."""
+    palette = style.tissue
+    return {name: palette[n % len(palette)] for n, name in enumerate(model.materials)}
+
+
 class Body:
     """A mesh that is drawn once and then moved by displacements.
 
     Parameters
     ----------
     canvas : Canvas
-    space : FunctionSpace
-        Function space of plane or 3D tissue.
+    model : TissueModel
+        Plane or 3D tissue.
 
     Attributes
     ----------
@@ -134,12 +139,12 @@ class Body:
     surface : SurfaceMesh
     """
 
-    def __init__(self, canvas: Canvas, space: FunctionSpace) -> None:
-        self.canvas, self.space = canvas, space
-        self.surface = SurfaceMesh(space, canvas.behind(space.mesh))
+    def __init__(self, canvas: Canvas, model: TissueModel) -> None:
+        self.canvas, self.model = canvas, model
+        self.surface = SurfaceMesh(model, canvas.behind(model.mesh))
         self.data = canvas.polygons(self.surface.rest, self.surface.polygons)
         self._strands = []
-        if space.dim == 2:
+        if model.dim == 2:
             self._strands.append(self._lines(self.surface.outline, SKIN_LAYER))
 
     def _lines(self, numbers: Ints, layer: float) -> Strands:
@@ -157,15 +162,14 @@ class Body:
         self.canvas.add(self.data, **lines, **how)
 
     def draw_regions(self) -> None:
-        """Draw the faces in the colours of their regions."""
-        mesh, palette = self.space.mesh, self.canvas.style.tissue
-        regions = mesh.subdomains or {}
-        names = [BACKGROUND, *sorted(set(regions) - {BACKGROUND})]
-        owner = np.zeros(mesh.nelements, dtype=np.intp)
-        for number, name in enumerate(names):
-            owner[regions[name]] = number
-        colours = np.array([renderer().Color(c).int_rgb for c in palette], dtype=np.uint8)
-        self.data.cell_data["colours"] = colours[owner[self.surface.cells] % len(palette)]
+        """Draw the faces in the colours of `region_colours`."""
+        model = self.model
+        colours = [
+            renderer().Color(colour).int_rgb
+            for colour in region_colours(model, self.canvas.style).values()
+        ]
+        cells = model.cell_materials[self.surface.cells]
+        self.data.cell_data["colours"] = np.array(colours, dtype=np.uint8)[cells]
         self.draw(scalars="colours", rgb=True)
 
     def to(self, u: Floats) -> Points:
@@ -231,7 +235,7 @@ class TissueView:
         self._draw(start)
         self._lines = [canvas.contour(ring, self._ink) for ring in start.contours]
         for obstacle in film.insertion.scene.obstacles.values():
-            canvas.obstacle(obstacle.contour.points)
+            canvas.obstacle(obstacle)
 
     @property
     def _ink(self) -> str:
@@ -251,7 +255,7 @@ class TissueView:
             body.draw(
                 scalars="field", clim=(look.scale.low, look.scale.high),
                 cmap=look.style.colour_map, nan_color=look.style.folded,
-                interpolate_before_map=True,
+                interpolate_before_map=True, edges=False,
             )  # fmt: skip
         else:
             body.draw_regions()
@@ -295,14 +299,15 @@ class View:
     ) -> None:
         self.film, self.look = film, look
         self.canvas = Canvas(plotter, film.insertion.axis, look.style)
-        self.panel = Panel(plotter, look.style, lines=2, scale=look.scale)
+        self.panel = Panel(
+            plotter, look.style, lines=2, scale=look.scale, row=shown_objects(film, look.style),
+            ruled=rulers(self.canvas, film.insertion.scene.axes), note=look.note,
+        )  # fmt: skip
         self._tissue = TissueView(self.canvas, film, look)
         self._path = self._draw_path()
         self.panel.look(window or whole(self.canvas, film))
         self._draw_instruments()
         self.panel.line(title, 0)
-        if look.note:
-            self.panel.note(look.note)
         self.show(film.undeformed())
 
     def _draw_path(self) -> PolyData:
@@ -348,8 +353,8 @@ class View:
 
     def caption(self, moment: Frame) -> str:
         """Return time, depth and force as a text."""
-        solid = self.film.model.dim == 3
-        force = f"{moment.force:.2f} N" if solid else f"{moment.force:.0f} N/m"
+        dim = self.film.model.dim
+        force = f"{moment.force:.{2 if dim == 3 else 0}f} {force_unit(dim)}"
         depth = (
             f"depth {100 * moment.depth:.2f} cm" if moment.depth >= 0.0 else "tip outside tissue"
         )
@@ -360,5 +365,17 @@ def whole(canvas: Canvas, film: Timeline) -> Window:
     """Return a window with the whole tissue and a part of the space in front of the entry."""
     corners = canvas.screen(film.model.mesh.p.T)
     reach = float(np.ptp(corners[:, 0]))
-    end = corners.max(axis=0) + np.array([BEHIND * reach, 0.0, 0.0])
-    return Window.around(np.vstack([corners, end]), 0.03)
+    behind = canvas.screen(canvas.axis.tip_position(-BEHIND * reach))
+    return Window.around(np.vstack([corners, behind]), 0.03)
+
+
+def shown_objects(film: Timeline, style: Style) -> list[tuple[str, str]]:
+    """Return colour and name of the objects that a view of an insertion shows."""
+    insertion, scene = film.insertion, film.insertion.scene
+    found = [(style.needle, "needle"), (style.path, "path")]
+    found += [(style.seed, "seed")] if insertion.seeds else []
+    found += [(style.target, "target")] if scene.target is not None else []
+    if scene.obstacles:
+        kept = any(obstacle.clearance for obstacle in scene.obstacles.values())
+        found.append((style.obstacle, "obstacle; line: clearance" if kept else "obstacle"))
+    return found

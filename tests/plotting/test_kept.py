@@ -33,7 +33,7 @@ from needlefem.scene import Scene, vary, with_element
 from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401
 
 KEPT = Path(__file__).parents[1] / "pictures"
-SIZE = (320, 240)
+SIZE = (480, 360)
 BLOCK = 4
 """Pixels a side that are averaged first: drivers may smooth edges and texts as they like."""
 MEAN, FAR, FEW = 2.0, 32, 0.01
@@ -84,7 +84,7 @@ DRAWN: dict[str, Callable[[Insertion, Path], object]] = {
         i, p, depth=0.02, shot=RenderOptions(size=SIZE, texture="synthetic")
     ),
     "beside": lambda i, p: render(
-        i, p, depth=0.02, beside=i, shot=RenderOptions(size=(480, 240), field="strain")
+        i, p, depth=0.02, beside=i, shot=RenderOptions(size=(800, 300), field="strain")
     ),
     "setup": lambda i, p: draw_setup(i.scene, p, size=SIZE),
 }

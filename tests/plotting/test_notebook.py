@@ -33,7 +33,7 @@ def test_a_plan_shows_itself(gel: Scene) -> None:
 def test_a_scene_and_a_result_show_themselves(gel: Scene, tmp_path: Path) -> None:
     html = html_of(gel)
     assert "(y, z) = (2.870, 2.000) cm" in html
-    assert "cuts at 50 N/m" in html
+    assert "cuts at 50 N per m of thickness" in html
     picture = png_of(gel)
     assert picture is not None
     assert struct.unpack(">II", picture[16:24]) == SIZE

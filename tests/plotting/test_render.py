@@ -17,8 +17,10 @@ from needlefem.cli.main import main
 from needlefem.cli.render import replay
 from needlefem.errors import CaseError, NoRendererError
 from needlefem.fem import CellFields, TissueModel
+from needlefem.geometry import Contour
 from needlefem.insertion import Insertion, SaveAt, displacements, loads, validity
 from needlefem.materials import Viscoelastic
+from needlefem.needle import InsertionAxis
 from needlefem.plotting import (
     QUANTITIES,
     Canvas,
@@ -35,7 +37,9 @@ from needlefem.plotting import (
     synthetic_ultrasound,
     write_snapshots,
 )
-from needlefem.plotting.view import scale_of, whole
+from needlefem.plotting.canvas import clearance_lines
+from needlefem.plotting.panel import round_numbers, rulers
+from needlefem.plotting.view import Body, region_colours, scale_of, whole
 from needlefem.scene import Scene, Stage, vary, with_element
 from tests.conftest import PAPER_CASE
 from tests.insertion.test_three_dimensions import block, push, solid  # noqa: F401
@@ -222,6 +226,64 @@ def test_a_block_of_tetrahedra_is_cut_open(block, gel: Scene) -> None:  # noqa: 
     plotter.close()
     needle = np.all(np.abs(image.astype(int) - [32, 38, 46]) < 8, axis=2)
     assert needle.sum() > 300
+
+
+def canvas_of(direction: tuple[float, ...]) -> Canvas:
+    plotter = renderer().Plotter(off_screen=True, window_size=[320, 240])
+    return Canvas(plotter, InsertionAxis(np.zeros(len(direction)), np.array(direction)), Style())
+
+
+def test_an_oblique_needle_is_oblique_and_the_patient_upright() -> None:
+    """The axes of the screen are those of the patient, whatever the direction of the needle."""
+    for direction in ((0.0, 1.0), (-0.6, 0.8), (1.0, 0.0), (0.0, -1.0)):
+        canvas = canvas_of(direction)
+        at = canvas.screen(np.array([[2.0, 0.0], [0.0, 3.0]]))[:, :2]
+        np.testing.assert_array_equal(at, [[0.0, 2.0], [-3.0, 0.0]])
+        across, up = rulers(canvas, ("y", "z"))
+        assert (across.sign, up.label, up.sign) == (-1.0, "y (cm)", 1.0)
+    assert across.label == "z (cm); depth along (y, z) = (0, -1)"
+
+
+def test_an_oblique_needle_in_3d_is_drawn_in_its_plane() -> None:
+    canvas = canvas_of((0.0, 0.6, 0.8))
+    np.testing.assert_allclose(canvas.frame @ canvas.frame.T, np.eye(2), atol=1e-15)
+    plane = np.stack([canvas.axis.direction, canvas.axis.lateral_directions[0]])
+    assert np.linalg.matrix_rank(np.vstack([canvas.frame, plane]), tol=1e-12) == 2
+    assert canvas_of((0.0, 0.0, 1.0)).frame[0] == pytest.approx([0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("ends", "found"),
+    [
+        ((0.0, 0.614), [0.0, 0.2, 0.4, 0.6]),
+        ((-5.89, 5.89), [-5.0, 0.0, 5.0]),
+    ],
+)
+def test_ticks_are_round(ends: tuple[float, float], found: list[float]) -> None:
+    np.testing.assert_allclose(round_numbers(*ends, 4), found, atol=1e-12)
+
+
+def test_other_groups_of_a_mesh_file_change_no_colour(organ: Scene) -> None:
+    """A mesh file may name its background; the legend and the picture agree even so."""
+    plain = build_model(organ)
+    named = plain.mesh.with_subdomains({"a group": np.arange(plain.mesh.nelements)})
+    for model in (plain, build_model(organ, named)):
+        body = Body(canvas_of((0.0, 1.0)), model)
+        body.draw_regions()
+        colours = region_colours(model, Style())
+        for name, colour in colours.items():
+            shown = body.data.cell_data["colours"][model.mesh.subdomains[name]]
+            assert np.all(shown == renderer().Color(colour).int_rgb), name
+        assert list(colours) == ["background", "organ"]
+
+
+def test_the_line_around_an_obstacle_keeps_its_clearance() -> None:
+    turn = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    contour = Contour(0.01 * np.stack([np.cos(turn), 2.0 * np.sin(turn)], axis=1))
+    (ring,) = clearance_lines(contour, 3e-3)
+    assert not contour.contains(ring).any()
+    np.testing.assert_allclose(contour.distance(ring), 3e-3, atol=2e-5)
+    assert clearance_lines(contour, 0.0) == []
 
 
 def run(*arguments: str) -> int:
