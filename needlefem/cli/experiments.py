@@ -33,8 +33,8 @@ PAPER = {"paper": "the method of 2003 compared with the package's: placement, dr
 PAIRED = ("paper", "robust")
 """Studies that compare with a second case."""
 
-NUMERICAL = ("convergence", "elements", "independence", "smoothness")
-"""Studies of numerical parameters, which are functions of one module."""
+OF_PARAMETERS = ("convergence", "elements", "independence", "robust", "smoothness")
+"""Studies of parameters, which are functions of one module."""
 
 
 def studies() -> dict[str, str]:
@@ -53,8 +53,8 @@ def study(name: str) -> Study:
     module, function = f"{VERIFICATION}.studies.{name}", "study"
     if name in PAPER:
         module = "needlefem.alterovitz2003.plan"
-    elif name in NUMERICAL:
-        module, function = "needlefem.studies.numerical_parameters", name
+    elif name in OF_PARAMETERS:
+        module, function = "needlefem.studies.parameters", name
     elif name in STUDIES:
         module = f"needlefem.studies.{name}"
     found: Study = getattr(import_module(module), function)

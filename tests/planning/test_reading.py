@@ -20,7 +20,7 @@ from needlefem.planning import (
     carry_out,
 )
 from needlefem.scene import Scene, TargetDraw, build_mesh, vary
-from needlefem.studies import robust, targets
+from needlefem.studies import parameters, targets
 from tests.conftest import ROOT
 
 FAULTS = ROOT / "tests" / "faults"
@@ -131,7 +131,7 @@ def test_studies_do_not_show_what_broke_off(organ: Scene, breaking: Break) -> No
     breaking(lambda *_: True)
     assert carry_out(organ, found) is None
     with pytest.raises(SimulationError, match="no plan to carry out"):
-        robust.study(organ)
+        parameters.robust(organ)
 
 
 def test_targets_lie_in_all_parts_of_a_group() -> None:

@@ -1,6 +1,7 @@
-"""How a plan depends on its numerical parameters: one function for each study.
+"""How a plan depends on numerical and physical parameters: one function for each study.
 
-Refinement, element, mesh and path parameters, and noise as a function of the lateral offset.
+Refinement, element, mesh and path parameters, noise as a function of the lateral offset, and plans
+that are carried out on another model.
 """
 
 import time
@@ -16,7 +17,15 @@ from needlefem.materials import volumetric_split
 from needlefem.planning.plan import plan
 from needlefem.planning.planner import carry_out, planner_of
 from needlefem.planning.result import Plan, PlanStatus
-from needlefem.scene import BoxMesh, Refinement, Scene, contour_sizes, one_contour_size, vary
+from needlefem.scene import (
+    BoxMesh,
+    Refinement,
+    Scene,
+    contour_sizes,
+    field_of,
+    one_contour_size,
+    vary,
+)
 from needlefem.scene.resolve import resolve, with_element
 
 # Refinement along the path and at the contours.
@@ -264,3 +273,48 @@ def smoothness(scene: Scene, other: Scene | None = None) -> list[Table]:
             passed=all(bool(row[4]) for row in rows),
         )
     ]
+
+
+# Placement error of a plan that is carried out on other models.
+#
+# The residual of a plan on its own model is 1e-6 cm, which does not measure its accuracy. Its error
+# on another discretisation or with other parameters shows the error that must be expected.
+
+
+def robust(scene: Scene, other: Scene | None = None) -> list[Table]:
+    """Return the final positions of the seed for the case's plan on other models."""
+    plan = planner_of(scene).plan()
+    if plan.best is None:
+        raise SimulationError(f"no plan to carry out: {plan.sentence}")
+    elsewhere = {"the case itself": scene} | perturbed(scene)
+    if other is not None:
+        elsewhere[f"on '{other.title}'"] = other
+    rows: list[list[object]] = []
+    for name, executed in elsewhere.items():
+        reach = carry_out(executed, plan)
+        if reach is None:
+            rows.append([name, "", "", "not reached"])
+            continue
+        miss = 100.0 * (reach.point - plan.target)
+        rows.append(
+            [name, *miss.tolist(), 100.0 * float(np.linalg.norm(reach.point - plan.target))]
+        )
+    return [
+        Table(
+            title="robust error: the case's plan, carried out on other models",
+            columns=("carried out", *(f"error in {a} (cm)" for a in scene.axes), "error (cm)"),
+            rows=rows,
+        )
+    ]
+
+
+def perturbed(scene: Scene) -> dict[str, Scene]:
+    """Return scenes with one parameter increased or decreased by 10 %."""
+    names = {f"stiffness of {n}": f"materials.{n}.youngs_modulus" for n in scene.materials}
+    names |= {"cutting force": "needle.cutting_force", "shaft friction": "needle.shaft_friction"}
+    found = {}
+    for name, path in names.items():
+        value = field_of(scene, path)
+        for sign, factor in (("+", 1.1), ("-", 0.9)):
+            found[f"{name} {sign}10 %"] = vary(scene, {path: factor * value})
+    return found
