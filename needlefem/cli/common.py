@@ -266,6 +266,8 @@ def _of_integrators(scene: Scene, *, stepped: bool) -> Iterator[tuple[str, str]]
         yield "discretization.mass_matrix", how
     if name != "generalized_alpha":
         yield "discretization.rho_inf", how
+    if name != "hht":
+        yield "discretization.hht_alpha", how
     if name != "newmark":
         yield "discretization.newmark_gamma", how
     if name == "path_following" and not stepped:

@@ -15,6 +15,7 @@ import numpy as np
 from needlefem._arrays import Floats, Vector
 from needlefem.contact.condensed_contact import ContactSegment
 from needlefem.dynamics import (
+    HHT,
     Damping,
     GeneralizedAlpha,
     KinematicState,
@@ -263,7 +264,7 @@ class DynamicResponse:
             raise CaseError(
                 "discretization.integrator",
                 "with average acceleration, oscillations of the constrained tissue do not decay",
-                "take newmark_gamma above 0.5, or generalized_alpha with rho_inf below 1",
+                "take newmark_gamma above 0.5, hht_alpha below 0, or rho_inf below 1",
             )
         return stepper, responses_of(self.model, _Scaled(stepper), self._expected)
 
@@ -302,10 +303,12 @@ def dynamic_response(
     lumping = None if numbers.mass_matrix == "consistent" else numbers.mass_matrix
     system = TissueSystem(model, damping_of(scene.damping), lumping)
     gamma = numbers.newmark_gamma
-    newmark = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)
-    alpha = GeneralizedAlpha(rho_inf=numbers.rho_inf)
-    chosen = newmark if numbers.integrator == "newmark" else alpha
-    return DynamicResponse(system, chosen, expected)
+    integrator: Implicit = GeneralizedAlpha(rho_inf=numbers.rho_inf)
+    if numbers.integrator == "newmark":
+        integrator = Newmark(beta=0.25 * (gamma + 0.5) ** 2, gamma=gamma)
+    elif numbers.integrator == "hht":
+        integrator = HHT(alpha=numbers.hht_alpha)
+    return DynamicResponse(system, integrator, expected)
 
 
 def damping_of(rayleigh: Rayleigh) -> Damping:

@@ -98,11 +98,9 @@ class FileMesh(Validated):
 # Parameters of the method, and damping.
 
 
-DYNAMIC = ("newmark", "generalized_alpha")
+DYNAMIC = ("newmark", "hht", "generalized_alpha")
 """Integrators with inertia."""
-TISSUE_ALONE = dict.fromkeys(
-    ("hht", "central_difference"), "integrates tissue without a needle only"
-)
+TISSUE_ALONE = {"central_difference": "is explicit and integrates tissue without a needle only"}
 """Integrators that no case can choose, and why."""
 
 
@@ -150,6 +148,13 @@ class Discretization(Validated):
         default=0.6,
         low=0.5,
         high=1.0,
+        closed=True,
+    )
+    hht_alpha: float = parameter(
+        "HHT: -1/3 damps most, 0 is the average acceleration",
+        default=-0.1,
+        low=-1.0 / 3.0,
+        high=0.0,
         closed=True,
     )
     mass_matrix: str = parameter(

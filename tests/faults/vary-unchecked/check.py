@@ -44,7 +44,7 @@ BOTH = {
     "supports.walls.fixed": [(("x",), '["x"]'), ("y", '"y"')],
     "supports.walls.regions": [(("glan",), '["glan"]')],
     "mesh.divisions": [((0, 3), "[0, 3]"), ((2.5, 3), "[2.5, 3]"), ((10,), "[10]"), (3, "3")],
-    "discretization.integrator": [("hht", '"hht"'), ("central_difference", '"central_difference"')],
+    "discretization.integrator": [("verlet", '"verlet"'), ("central_difference", '"central_difference"')],
     "damping.frequencies": [((2.0, 10.0), '["2 1/s", "10 1/s"]')],
     "limits.steps": [(0, "0"), (2.5, "2.5")],
     "title": [(3, "3")],
