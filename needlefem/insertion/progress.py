@@ -45,7 +45,8 @@ CLOSE = 1e-12
 MOST_GROWN = 0.99
 """Length of the partial segment over that of a full one up to which path following extends it."""
 LITTLE = 0.25
-"""Depth gained over length of the path below which the depth may have a maximum in a step."""
+"""Depth gained over length in a step, relative to that in the last step or to 1, below which the
+depth may have a maximum in the step."""
 AT_SURFACE = 1.0 / 64
 """Distance from the surface, relative to the path spacing, at which the tip leaves the tissue."""
 
@@ -125,6 +126,7 @@ class Progress:
         )
         self._field: Field = ZeroField(model.dim)
         self._tip_solver: TipSolver | None = None
+        self._path_rate = 0.0
         self._solved: list[StepEquations] = []
 
     def continue_from(
@@ -251,7 +253,10 @@ class Progress:
             missing -= spacing - float(np.linalg.norm(step.tip - last))
         if abs(step.depth - depth) <= TOLERANCE:
             step = step._replace(depth=depth)
-        return step if missing > 0.0 and step.depth - before > LITTLE * missing else None
+        if missing <= 0.0 or step.depth - before <= LITTLE * max(self._path_rate, 1.0) * missing:
+            return None
+        self._path_rate = (step.depth - before) / missing
+        return step
 
     # results of a step that are not accepted yet
 
