@@ -57,6 +57,13 @@ class CellFields:
         ratio: Floats = np.linalg.det(np.eye(self.model.dim) + self.gradient(u))
         return ratio
 
+    @property
+    def has_stress(self) -> bool:
+        """Whether `stress` is available for the element at this Poisson's ratio."""
+        stiffness, element = self.model.stiffness, self.model.element
+        known = element.volume != MIXED or float(stiffness.compressibility.min()) > 0.0
+        return known and stiffness.poissons_ratio <= element.stress_limit
+
     def stress(self, u: Floats) -> Floats:
         """Return Voigt stresses in 3D, shape (ncells, 6), Pa, also for plane problems.
 

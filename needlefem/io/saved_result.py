@@ -303,7 +303,7 @@ class SavedResult:
         The CSV files beside it, by name without ``.csv``; headers name their units. A column of
         texts is an array of texts; an empty number is NaN.
     snapshots : tuple of (float, Path)
-        Times (s) and VTU files that a PVD file beside it lists.
+        Times (s) and VTU files of the tissue that a PVD file beside it lists.
     """
 
     kind: str
@@ -384,7 +384,11 @@ def _snapshots(folder: Path, kind: str) -> tuple[tuple[float, Path], ...]:
     content = read_bytes(path, KEY, remedy=ANEW)
     try:
         root = ET.fromstring(content)
-        listed = [(float(s.attrib["timestep"]), s.attrib["file"]) for s in root.iter("DataSet")]
+        listed = [
+            (float(s.attrib["timestep"]), s.attrib["file"])
+            for s in root.iter("DataSet")
+            if s.get("part", "0") == "0"
+        ]
     except (ET.ParseError, LookupError, ValueError) as error:
         raise CaseError(KEY, f"'{path}' can't be read: {error}", ANEW) from None
     if root.tag != "VTKFile" or not listed or not all(np.isfinite(time) for time, _ in listed):

@@ -11,7 +11,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from needlefem._arrays import Floats, Ints, Vector
+from needlefem._arrays import Floats, Ints, Points, Vector
 from needlefem.dynamics import KinematicState, Stepper, TissueSystem, kinetic_energy
 from needlefem.dynamics.system import MaxwellUpdate
 from needlefem.elements import ElementType
@@ -114,13 +114,40 @@ def _in_space(values: NDArray[np.generic]) -> NDArray[np.generic]:
     return values
 
 
-def write_pvd(path: Path, snapshots: Sequence[tuple[float, Path]]) -> None:
-    """Write the collection of VTU files by time, s; their names are relative to it."""
+def write_objects(path: Path, objects: Sequence[tuple[int, Points]]) -> None:
+    """Write lines through points, shape (n, dim), m, and single points, each with a number.
+
+    The number is the cell field ``object``.
+    """
+    import meshio  # noqa: PLC0415
+
+    blocks, numbers, first = [], [], 0
+    for number, points in objects:
+        at = first + np.arange(len(points))
+        pairs = np.column_stack([at[:-1], at[1:]])
+        blocks.append(("line", pairs) if len(at) > 1 else ("vertex", at[:, None]))
+        numbers.append(np.full(max(len(at) - 1, 1), number, dtype=np.int32))
+        first += len(points)
+    places = _in_space(np.vstack([points for _, points in objects]))
+    with whole_file(path) as part:
+        mesh = meshio.Mesh(places, blocks, cell_data={"object": numbers})
+        meshio.write(part, mesh, file_format="vtu")
+
+
+def write_pvd(
+    path: Path, snapshots: Sequence[tuple[float, Path]], beside: Sequence[tuple[float, Path]] = ()
+) -> None:
+    """Write the collection of VTU files by time, s; their names are relative to it.
+
+    Files `beside` the snapshots are a part of their own.
+    """
     root = ET.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
     collection = ET.SubElement(root, "Collection")
-    for time, file in snapshots:
-        name = Path(os.path.relpath(file, path.parent)).as_posix()
-        ET.SubElement(collection, "DataSet", timestep=f"{time:.9g}", part="0", file=name)
+    for number, listed in enumerate((snapshots, beside)):
+        for time, file in listed:
+            name = Path(os.path.relpath(file, path.parent)).as_posix()
+            what = {"timestep": f"{time:.9g}", "part": str(number), "file": name}
+            ET.SubElement(collection, "DataSet", what)
     with whole_file(path) as part:
         ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 

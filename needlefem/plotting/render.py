@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from needlefem._arrays import Floats
+from needlefem._arrays import Floats, Points
+from needlefem.elements import MIXED
 from needlefem.fem.recovery import CellFields
 from needlefem.insertion.result import Insertion
 from needlefem.io.result_folder import ours, result_folder, writing
-from needlefem.io.vtu import write_pvd, write_vtu
+from needlefem.io.vtu import write_objects, write_pvd, write_vtu
+from needlefem.materials.voigt import tensor
 from needlefem.plotting.images import (
     Image,
     Plotter,
@@ -28,6 +30,8 @@ from needlefem.scene.limits import check_count
 
 DIGITS = 4
 """Digits of the numbers in file names."""
+OBJECTS = ("needle", "path", "seed", "target")
+"""The numbers 0, 1, 2, 3 of the objects in a snapshot."""
 
 
 def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Path:
@@ -35,7 +39,14 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
 
     ``insertion.pvd`` lists the files ``insertion/0000.vtu`` etc. with relative paths. Each file
     contains ``displacement`` (m) of the nodes, and for the cells ``largest_strain`` (1), the
-    principal strain with the largest absolute value, and ``material``, the number of the material.
+    principal strain with the largest absolute value; ``stress`` (Pa), a tensor of nine components,
+    and ``von_mises`` (Pa), where the element has an accurate stress; ``pressure`` (Pa) of a mixed
+    element; ``material``, the number of the material, and ``material: NAME``, which is 1 in the
+    cells of a material and 0 elsewhere. If the case has a plane in the scanner's space,
+    ``scanner`` (m) is the position of the undeformed nodes there.
+
+    ``insertion/0000-objects.vtu`` etc. contain lines and points in space, beside the deformed
+    tissue, with the cell field ``object``, a number of `OBJECTS`.
 
     Parameters
     ----------
@@ -46,22 +57,62 @@ def write_snapshots(insertion: Insertion, folder: str | Path, count: int) -> Pat
     """
     film, model, folder = Timeline(insertion), insertion.model, Path(folder)
     values = CellFields(model)
-    written = []
+    written, beside = [], []
     check_count(count, "snapshots", insertion.scene.limits)
     times = np.linspace(0.0, float(film.times[-1]), max(count, 2))
     with result_folder(folder, "run", "folder"):
         _remove_older(folder)
         for number, moment in enumerate(film.moments(times)):
             file = folder / "insertion" / f"{number:0{DIGITS}d}.vtu"
-            cells: dict[str, NDArray[np.generic]] = {
-                "largest_strain": values.largest_strain(moment.u),
-                "material": model.cell_materials.astype(np.int32),
-            }
-            write_vtu(file, model, {"displacement": model.nodal(moment.u)}, cells)
+            nodes = {"displacement": model.nodal(moment.u)}
+            if insertion.scene.frame is not None:
+                nodes["scanner"] = insertion.scene.frame.to_scanner(model.nodes)
+            write_vtu(file, model, nodes, _cell_data(insertion, values, moment.u))
+            objects = file.with_name(f"{file.stem}-objects.vtu")
+            write_objects(objects, _objects(insertion, moment))
+            beside.append((moment.time, objects))
             written.append((moment.time, file))
         path = folder / "insertion.pvd"
-        write_pvd(path, written)
+        write_pvd(path, written, beside)
     return path
+
+
+def _cell_data(
+    insertion: Insertion, values: CellFields, u: Floats
+) -> dict[str, NDArray[np.generic]]:
+    """Return the fields of the cells in a snapshot; see `write_snapshots`."""
+    scene, model = insertion.scene, insertion.model
+    names = np.array([
+        scene.regions[region].material if region in scene.regions else scene.default_material
+        for region in model.materials
+    ])  # fmt: skip
+    cells: dict[str, NDArray[np.generic]] = {
+        "largest_strain": values.largest_strain(u),
+        "material": model.cell_materials.astype(np.int32),
+    }
+    for name in np.unique(names):
+        cells[f"material: {name}"] = (names[model.cell_materials] == name).astype(np.int32)
+    if values.has_stress:
+        cells["stress"] = tensor(values.stress(u)).reshape(-1, 9)
+        cells["von_mises"] = values.von_mises(u)
+        if model.element.volume == MIXED:
+            cells["pressure"] = values.pressure(u)
+    return cells
+
+
+def _objects(insertion: Insertion, moment: Frame) -> list[tuple[int, Points]]:
+    """Return the numbers of `OBJECTS` and the points of what a frame shows, m."""
+    axis, target = insertion.axis, insertion.scene.target
+    length = 2.0 * float(np.ptp(axis.axial_coordinate(insertion.model.nodes)))
+    needle = np.array([axis.tip_position(moment.depth - length), axis.tip_position(moment.depth)])
+    found = {"needle": [needle], "path": [moment.path], "seed": list(moment.seeds[:, None])}
+    found["target"] = [] if target is None else [np.array(target)[None]]
+    return [
+        (number, points)
+        for number, name in enumerate(OBJECTS)
+        for points in found[name]
+        if len(points)
+    ]
 
 
 def _remove_older(folder: Path) -> None:

@@ -53,6 +53,10 @@ def test_snapshots_open_in_pyvista_in_order_of_time(written: Path) -> None:
     assert grid.cell_data["largest_strain"].max() == pytest.approx(
         found["validity"]["largest_strain"], rel=0.5
     )
+    objects = reader.read()[1]
+    assert set(objects.cell_data["object"]) >= {0, 1}
+    tip = found.points("entry") + np.array([0.0, found["depth"][-1]])
+    assert objects.points[1, :2] == pytest.approx(tip, abs=1e-9)  # the needle ends at its tip
 
 
 def test_headers_name_units(written: Path) -> None:

@@ -286,6 +286,39 @@ def test_the_line_around_an_obstacle_keeps_its_clearance() -> None:
     assert clearance_lines(contour, 0.0) == []
 
 
+@pytest.mark.parametrize("element", ["P1", "P2-P1"])
+def test_snapshots_hold_stress_pressure_and_names(
+    element: str, organ: Scene, tmp_path: Path
+) -> None:
+    scene = with_element(vary(organ, {"mesh.divisions": (12, 12)}), element)
+    found = simulate(scene)
+    grid = renderer().read(write_snapshots(found, tmp_path, 2).parent / "insertion" / "0001.vtu")
+    moment, cells = Timeline(found).moments([np.inf])[0], CellFields(found.model)
+    np.testing.assert_allclose(grid.cell_data["von_mises"], cells.von_mises(moment.u))
+    stress = grid.cell_data["stress"].reshape(-1, 3, 3)
+    np.testing.assert_array_equal(stress, stress.swapaxes(1, 2))
+    mean = np.trace(stress, axis1=1, axis2=2) / 3.0
+    if element == "P2-P1":
+        np.testing.assert_allclose(grid.cell_data["pressure"], -mean, rtol=1e-6, atol=1e-9)
+    assert ("pressure" in grid.cell_data) == (element == "P2-P1")
+    names = [name for name in grid.cell_data if name.startswith("material: ")]
+    assert names == ["material: gel", "material: stiff"]
+    organ_cells = found.model.mesh.subdomains["organ"]
+    np.testing.assert_array_equal(np.flatnonzero(grid.cell_data["material: stiff"]), organ_cells)
+    assert "scanner" not in grid.point_data
+
+
+def test_snapshots_show_needle_path_seeds_and_target(pushed: Insertion, tmp_path: Path) -> None:
+    write_snapshots(pushed, tmp_path, 2)
+    last = renderer().read(tmp_path / "insertion" / "0001-objects.vtu")
+    numbers = last.cell_data["object"]
+    moment = Timeline(pushed).moments([np.inf])[0]
+    assert np.count_nonzero(numbers == 1) == len(moment.path) - 1
+    for number, point in ((2, moment.seeds[0]), (3, pushed.scene.target)):
+        (cell,) = np.flatnonzero(numbers == number)
+        np.testing.assert_allclose(last.get_cell(cell).points[0, :2], point)
+
+
 def run(*arguments: str) -> int:
     return main(["render", *arguments, "--size", "320x240"])
 
