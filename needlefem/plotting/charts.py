@@ -286,10 +286,11 @@ def _courses(depths: Floats) -> list[tuple[int, int]]:
 
 def _arrow(axes: "Axes", x: Floats, y: Floats) -> None:
     """Draw an arrow head on the middle of a curve whose x is monotonic."""
-    middle = int(np.searchsorted(np.abs(x - x[0]), 0.5 * abs(x[-1] - x[0])))
-    before = max(middle - 1, 0)
+    travel = np.abs(x - x[0])
+    share = np.array([0.48, 0.5]) * travel[-1]
+    before, middle = zip(*(np.interp(share, travel, values) for values in (x, y)), strict=True)
     axes.annotate(
-        "", xy=(x[middle], y[middle]), xytext=(x[before], y[before]),
+        "", xy=middle, xytext=before,
         arrowprops={"arrowstyle": "-|>", "color": Style.seed, "mutation_scale": 18},
     )  # fmt: skip
 
