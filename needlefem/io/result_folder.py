@@ -200,7 +200,7 @@ PICTURE = r"(png|webp|jpg)"
 FILES = {
     "run": (
         r"run\.json", r"(insertion|events|shaft)\.csv", rf"(forces|sticking)\.{PICTURE}",
-        r"insertion\.pvd", r"insertion/\d{4,}\.vtu",
+        r"insertion\.pvd", r"insertion/\d{4,}(-objects)?\.vtu",
     ),
     "plan": (r"plan\.json", rf"(stages|depth|height)\.{PICTURE}"),
     "modes": (r"modes\.json", r"modes\.vtu", rf"modes\.{PICTURE}"),
