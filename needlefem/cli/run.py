@@ -5,6 +5,7 @@ import dataclasses
 from pathlib import Path
 from typing import NamedTuple
 
+from needlefem._progress import expect_steps
 from needlefem.casefile.load import load_case
 from needlefem.checks.mesh_checks import overlaps
 from needlefem.cli.common import (
@@ -103,9 +104,11 @@ def _moved(
         result.begin()
         states = recorded_states(course, History(folder=result.path))
     kept = KeptStates(save, course)
+    expect_steps(course.expected_steps)
     for state in states:
         kept.add(state)
         watch(state)
+    expect_steps(0)
     insertion = kept.insertion()
     strains = validity(insertion, len(insertion.states) - 1)
     moved = _Moved(

@@ -156,7 +156,7 @@ def loglog(
         dash, marker = DASHES[(number // 2) % len(DASHES)], MARKERS[number % len(MARKERS)]
         axes.plot(line.x, line.y, dash, color=colour, marker=marker, ms=5, label=line.name)
         rings = [line.x[at] for at in line.ringed], [line.y[at] for at in line.ringed]
-        axes.plot(*rings, "o", ms=11, mfc="none", color=colour)
+        axes.plot(*rings, "o", ms=11, mfc="none", color=colour, gid="ringed")
     for number, slope in enumerate(sorted(set(slopes))):
         _triangle(axes, slope, number)
     figure.legend(loc="outside right upper", frameon=False)

@@ -1,4 +1,5 @@
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -60,7 +61,8 @@ def test_a_default_that_is_beaten_is_named(default: str, passed: bool, tmp_path:
     assert table.rows[0][table.columns.index("rough")].startswith("-")
     assert "<svg" in table.charts["a race"]
     best = [p for p in table.summary["points"]["a race"] if p["front"]]
-    assert table.charts["a race"].count('r="6.4"') == len(best) > 0
+    rings = re.findall(r'<g id="ringed">(.*?)</g>\s*</g>', table.charts["a race"], re.DOTALL)
+    assert sum(ring.count("<use ") for ring in rings) == len(best) > 0
 
 
 def test_defaults_are_among_the_elements_on_their_cells() -> None:

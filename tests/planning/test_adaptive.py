@@ -197,7 +197,7 @@ def test_benchmark_marks_the_front(thick: Scene) -> None:
     assert errors[0] < errors[1]
     assert table.rows[0][-1] == "*"
     assert table.summary["beaten"] == 0
-    assert "circle" in next(iter(table.charts.values()))
+    assert 'id="ringed"' in next(iter(table.charts.values()))
 
 
 def test_benchmark_varies_sizes_steps_kernels_and_regimes(coarse: Scene) -> None:
