@@ -45,24 +45,24 @@ _SHOWN_IN_NOTEBOOKS = (
 )
 
 
-class _Formatter(Protocol):
-    """A `DisplayFormatter` of IPython for one kind of content."""
+if TYPE_CHECKING:
 
-    def for_type_by_name(
-        self, module: str, name: str, show: Callable[[object], str | bytes | None], /
-    ) -> object: ...
+    class _Formatter(Protocol):
+        """A `DisplayFormatter` of IPython for one kind of content."""
 
+        def for_type_by_name(
+            self, module: str, name: str, show: Callable[[object], str | bytes | None], /
+        ) -> object: ...
 
-class _Formatters(Protocol):
-    """The formatters of IPython by the kind of their content."""
+    class _Formatters(Protocol):
+        """The formatters of IPython by the kind of their content."""
 
-    formatters: Mapping[str, _Formatter]
+        formatters: Mapping[str, _Formatter]
 
+    class _Shell(Protocol):
+        """An `InteractiveShell` of IPython."""
 
-class _Shell(Protocol):
-    """An `InteractiveShell` of IPython."""
-
-    display_formatter: _Formatters
+        display_formatter: _Formatters
 
 
 def _html_of(result: object) -> str:
@@ -77,7 +77,7 @@ def _png_of(result: object) -> bytes | None:
     return png_of(result)
 
 
-def _register_formatters(shell: _Shell) -> None:
+def _register_formatters(shell: "_Shell") -> None:
     """Register an IPython formatter that shows scenes and results as a table with a picture."""
     formatters = shell.display_formatter.formatters
     for module, name in _SHOWN_IN_NOTEBOOKS:
