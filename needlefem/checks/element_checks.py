@@ -55,7 +55,7 @@ def _inside(element: ElementType) -> Points:
 
 
 def _values(element: ElementType, points: Points) -> Floats:
-    scalar = element.make()
+    scalar = element.skfem_element()
     return np.stack([scalar.lbasis(points.T, i)[0] for i in range(len(element.nodes))], axis=1)
 
 
@@ -73,7 +73,7 @@ def nodal_functions(element: ElementType) -> CheckResult:
 
 def shape_gradients(element: ElementType) -> CheckResult:
     """Check the gradients of the functions against central differences."""
-    scalar, points, step = element.make(), _inside(element), 1e-5
+    scalar, points, step = element.skfem_element(), _inside(element), 1e-5
     worst = 0.0
     for i in range(len(element.nodes)):
         gradient = np.broadcast_to(scalar.lbasis(points.T, i)[1], points.T.shape)
@@ -113,7 +113,7 @@ def continuity(element: ElementType) -> CheckResult:
     field = np.random.default_rng(2).normal(size=space.nnodes)
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     ends = mesh.p[:, mesh.facets[:, inner]]
-    shape = shape_table(element.make)
+    shape = shape_table(element.skfem_element)
     worst = 0.0
     for share in (0.211, 0.5, 0.9):
         points = ((1.0 - share) * ends[:, 0] + share * ends[:, 1]).T
@@ -148,7 +148,7 @@ def rules(element: ElementType) -> CheckResult:
 
 def mass_rule(element: ElementType) -> CheckResult:
     """Check that the rule of M integrates products of shape functions exactly."""
-    dim, high = element.nodes.shape[1], 2 * element.make().maxdeg
+    dim, high = element.nodes.shape[1], 2 * element.skfem_element().maxdeg
     fine = simplex(high, dim) if element.cell in SIMPLEX else gauss(high, dim)
     matrices = []
     for points, weights in (element.mass_rule(), fine()):

@@ -28,7 +28,7 @@ class ElementType:
         Name of the element in a case.
     cell : str
         Shape of the cells of its meshes: triangle, quadrilateral, tetrahedron or hexahedron.
-    make : callable
+    skfem_element : callable
         Returns the scalar scikit-fem element of one displacement component. Its basis must be
         nodal: each shape function is 1 at its own node and 0 at all others.
     degree : int
@@ -52,7 +52,7 @@ class ElementType:
 
     name: str
     cell: str
-    make: Callable[[], SkfemElement]
+    skfem_element: Callable[[], SkfemElement]
     degree: int
     stiffness_rule: Rule
     mass_rule: Rule
@@ -79,7 +79,7 @@ class ElementType:
     @property
     def nodes(self) -> Floats:
         """Positions of the nodes in the reference cell, shape (n, dim)."""
-        places: Floats = self.make().doflocs
+        places: Floats = self.skfem_element().doflocs
         return places
 
 
@@ -118,42 +118,42 @@ class TriangleBubble(ElementH1):  # type: ignore[misc]  # scikit-fem ships no ty
 
 _ROWS = (
     ElementType(
-        name="P1", cell="triangle", make=skfem.ElementTriP1, degree=1,
+        name="P1", cell="triangle", skfem_element=skfem.ElementTriP1, degree=1,
         stiffness_rule=simplex(1), mass_rule=simplex(2), lumpings=("row-sum", "hrz"),
         poissons_ratio_limit=0.45,
     ),
     ElementType(
-        name="P2", cell="triangle", make=skfem.ElementTriP2, degree=2,
+        name="P2", cell="triangle", skfem_element=skfem.ElementTriP2, degree=2,
         stiffness_rule=simplex(2), mass_rule=simplex(4), lumpings=("hrz",),
         poissons_ratio_limit=0.49,
     ),
     ElementType(
-        name="Q1", cell="quadrilateral", make=skfem.ElementQuad1, degree=1,
+        name="Q1", cell="quadrilateral", skfem_element=skfem.ElementQuad1, degree=1,
         stiffness_rule=gauss(2), mass_rule=gauss(2), lumpings=("row-sum", "hrz"),
         poissons_ratio_limit=0.45,
     ),
     ElementType(
-        name="Q2", cell="quadrilateral", make=skfem.ElementQuad2, degree=2,
+        name="Q2", cell="quadrilateral", skfem_element=skfem.ElementQuad2, degree=2,
         stiffness_rule=gauss(3), mass_rule=gauss(3), lumpings=("row-sum", "hrz"),
         poissons_ratio_limit=0.49,
     ),
     ElementType(
-        name="Q1-Bbar", cell="quadrilateral", make=skfem.ElementQuad1, degree=1,
+        name="Q1-Bbar", cell="quadrilateral", skfem_element=skfem.ElementQuad1, degree=1,
         stiffness_rule=gauss(2), mass_rule=gauss(2), lumpings=("row-sum", "hrz"),
         poissons_ratio_limit=0.49999, stress_limit=0.49999, volume=BBAR, volume_rule=gauss(1),
     ),
     ElementType(
-        name="MINI", cell="triangle", make=TriangleBubble, degree=1,
+        name="MINI", cell="triangle", skfem_element=TriangleBubble, degree=1,
         stiffness_rule=simplex(4), mass_rule=simplex(6), lumpings=("row-sum", "hrz"),
         poissons_ratio_limit=0.5, stress_limit=0.5, volume=MIXED, pressure=skfem.ElementTriP1,
     ),
     ElementType(
-        name="P2-P1", cell="triangle", make=skfem.ElementTriP2, degree=2,
+        name="P2-P1", cell="triangle", skfem_element=skfem.ElementTriP2, degree=2,
         stiffness_rule=simplex(2), mass_rule=simplex(4), lumpings=("hrz",),
         poissons_ratio_limit=0.5, stress_limit=0.5, volume=MIXED, pressure=skfem.ElementTriP1,
     ),
     ElementType(
-        name="Q2-Q1", cell="quadrilateral", make=skfem.ElementQuad2, degree=2,
+        name="Q2-Q1", cell="quadrilateral", skfem_element=skfem.ElementQuad2, degree=2,
         stiffness_rule=gauss(3), mass_rule=gauss(3), lumpings=("row-sum", "hrz"),
         poissons_ratio_limit=0.5, stress_limit=0.5, volume=MIXED, pressure=skfem.ElementQuad1,
     ),

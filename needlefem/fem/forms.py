@@ -21,13 +21,15 @@ Field = Callable[[Points], Floats]
 
 def displacement_basis(mesh: SkfemMesh, element: ElementType, rule: Rule) -> Basis:
     """Return the vector-valued basis of the displacement with a quadrature rule."""
-    vector = ElementVector(element.make())
+    vector = ElementVector(element.skfem_element())
     return Basis(mesh, vector, mapping=_mapping(mesh), quadrature=rule())
 
 
 def fine_basis(mesh: SkfemMesh, element: ElementType, order: int) -> Basis:
     """Return the displacement basis on a quadrature of a given order, for errors and loads."""
-    return Basis(mesh, ElementVector(element.make()), mapping=_mapping(mesh), intorder=order)
+    return Basis(
+        mesh, ElementVector(element.skfem_element()), mapping=_mapping(mesh), intorder=order
+    )
 
 
 def pressure_basis(mesh: SkfemMesh, element: ElementType) -> Basis:
@@ -191,7 +193,7 @@ def traction_load(
 
     `traction` takes points and outward unit normals, both (n, dim), and returns (n, dim).
     """
-    vector = ElementVector(element.make())
+    vector = ElementVector(element.skfem_element())
     basis = FacetBasis(mesh, vector, mapping=_mapping(mesh), facets=facets, intorder=order)
 
     def form(v: DiscreteField, w: FormExtraParams) -> Floats:

@@ -60,7 +60,7 @@ class Interpolation(Lasting):
         locator: Locator | None = None,
     ) -> None:
         self.locator = locator or Locator(mesh)
-        self.shape = shape_table(element.make)
+        self.shape = shape_table(element.skfem_element)
         self._mesh, self._cell_nodes = mesh, cell_nodes
         self._nnodes = int(cell_nodes.max()) + 1
 

@@ -97,7 +97,7 @@ def _cells(space: FunctionSpace) -> tuple[str, Ints]:
 def _local(element: ElementType, order: Sequence[int]) -> tuple[str, Ints]:
     """Return the kind of VTK cell, and the element's nodes that it has, for corners in an order."""
     own, shape = np.asarray(element.nodes), element.cell
-    corners = np.asarray(element.make().refdom.p, dtype=float).T[list(order)]
+    corners = np.asarray(element.skfem_element().refdom.p, dtype=float).T[list(order)]
     middles = [corners[list(edge)].mean(axis=0) for edge in EDGES.get(shape, ())]
     if shape == "quadrilateral":
         middles.append(corners.mean(axis=0))

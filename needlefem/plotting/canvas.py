@@ -88,7 +88,7 @@ class SurfaceMesh:
 
     def _cut(self, owners: Ints, kinds: Ints, pattern: "_Pattern") -> None:
         """Compute the points of divided faces and the nodal weights there."""
-        mesh, element = self.space.mesh, self.space.element.make()
+        mesh, element = self.space.mesh, self.space.element.skfem_element()
         reference = np.asarray(mesh.elem.refdom.p, dtype=float).T
         places = np.array([pattern.weights @ reference[local] for local in self._local])
         flat = places.reshape(-1, places.shape[2])

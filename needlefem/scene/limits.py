@@ -99,7 +99,7 @@ def unknowns_per_cell(scene: Scene) -> float:
 
 def unknowns_of(row: ElementType, dim: int) -> float:
     """Return the approximate number of unknowns of an element per cell in a large plane mesh."""
-    found = dim * _dofs_per_cell(row.make(), row.cell)
+    found = dim * _dofs_per_cell(row.skfem_element(), row.cell)
     return found + (_dofs_per_cell(row.pressure(), row.cell) if row.pressure else 0.0)
 
 

@@ -36,7 +36,7 @@ def test_two_regions_add_up(name: str, one: str, other: str) -> None:
     mesh = square_mesh(element, 3)
     count = mesh.t.shape[1]
     first = np.arange(count) < count // 2
-    kind, rule = ElementVector(element.make()), element.stiffness_rule()
+    kind, rule = ElementVector(element.skfem_element()), element.stiffness_rule()
     both = np.where(first, LAWS[one][:, :, None], LAWS[other][:, :, None])
     found = stiffness(Basis(mesh, kind, quadrature=rule), both).toarray()
     wanted = np.zeros_like(found)

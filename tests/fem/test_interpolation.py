@@ -26,14 +26,16 @@ def plain(element: ElementType) -> object:
 
 def test_shape_table_is_scikit_fems(element: ElementType) -> None:
     points = np.random.default_rng(1).dirichlet(np.ones(3), 20)[:, 1:]
-    lagrange = element.make()
+    lagrange = element.skfem_element()
     theirs = [lagrange.lbasis(points.T, i)[0] for i in range(len(lagrange.doflocs))]
-    assert ShapeTable(element.make())(points) == pytest.approx(np.array(theirs).T, abs=1e-14)
+    assert ShapeTable(element.skfem_element())(points) == pytest.approx(
+        np.array(theirs).T, abs=1e-14
+    )
 
 
 def test_values_agree_with_scikit_fems_probes(element: ElementType) -> None:
     mesh = graded(element.cell)
-    basis = Basis(mesh, element.make())
+    basis = Basis(mesh, element.skfem_element())
     field = np.random.default_rng(2).normal(size=basis.N)
     points = np.random.default_rng(3).uniform(0.05, 0.95, (200, 2))
     ours = Interpolation(mesh, element, basis.element_dofs.T).at(points).of(field)
@@ -87,7 +89,7 @@ def test_points_outside_are_decided(element: ElementType) -> None:
         np.array([[-0.1, 0.5], [1.1, 0.5], [0.5, 1.0], [np.nextafter(1, 2), 1.0]])
     )
     assert (cells >= 0).tolist() == [False, False, True, True]
-    basis = Basis(mesh, element.make())
+    basis = Basis(mesh, element.skfem_element())
     interpolation = Interpolation(mesh, element, basis.element_dofs.T)
     points, rows = np.array([[0.5, 0.5], [1.5, 0.5]]), np.array([0, 0])
     means = interpolation.means(points, np.ones(2), rows, 1)
@@ -99,7 +101,7 @@ def test_points_outside_are_decided(element: ElementType) -> None:
 
 def test_means_are_weighted(element: ElementType) -> None:
     mesh = plain(element)
-    basis = Basis(mesh, element.make())
+    basis = Basis(mesh, element.skfem_element())
     points = np.array([[0.1, 0.2], [0.7, 0.9], [0.4, 0.4]])
     means = Interpolation(mesh, element, basis.element_dofs.T).means(
         points, np.array([1.0, 3.0, 2.0]), np.array([0, 0, 1]), 2

@@ -16,7 +16,7 @@ from needlefem.scene import Scene, Support, vary
 TETRAHEDRON = ElementType(
     name="T1",
     cell="tetrahedron",
-    make=skfem.ElementTetP1,
+    skfem_element=skfem.ElementTetP1,
     degree=1,
     stiffness_rule=simplex(1, 3),
     mass_rule=simplex(2, 3),

@@ -21,11 +21,11 @@ from tests.insertion.test_three_dimensions import TETRAHEDRON
 GEL = Isotropic(youngs_modulus=1.0, poissons_ratio=0.3)
 CURVED = {"P2", "Q2", "P2-P1", "Q2-Q1"}
 QUADRATIC = dataclasses.replace(
-    TETRAHEDRON, name="T2", make=skfem.ElementTetP2, degree=2, stiffness_rule=simplex(2, 3)
+    TETRAHEDRON, name="T2", skfem_element=skfem.ElementTetP2, degree=2, stiffness_rule=simplex(2, 3)
 )
 HEXAHEDRON = ElementType(
-    name="H1", cell="hexahedron", make=skfem.ElementHex1, degree=1, stiffness_rule=gauss(2, 3),
-    mass_rule=gauss(2, 3), lumpings=("row-sum",), poissons_ratio_limit=0.45,
+    name="H1", cell="hexahedron", skfem_element=skfem.ElementHex1, degree=1,
+    stiffness_rule=gauss(2, 3), mass_rule=gauss(2, 3), lumpings=("row-sum",), poissons_ratio_limit=0.45,
 )  # fmt: skip
 SOLIDS = {
     "T1": (skfem.MeshTet, TETRAHEDRON),

@@ -122,7 +122,7 @@ class HalfShear(Isotropic):
 
 def spoiled(element: ElementType, **methods: Any) -> Any:
     """Return a factory of scikit-fem's element with replaced methods."""
-    return type("Spoiled", (type(element.make()),), methods)
+    return type("Spoiled", (type(element.skfem_element()),), methods)
 
 
 def _mixed_up(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
@@ -143,14 +143,14 @@ def _curved(self: Any, X: np.ndarray, i: int) -> Any:  # noqa: N803
 def elements() -> dict[str, tuple[ElementType, str]]:
     """Return faulty elements, and the check that must detect each."""
     vary = dataclasses.replace
-    mixed_up = vary(P2, name="X", make=spoiled(P2, lbasis=_mixed_up))
+    mixed_up = vary(P2, name="X", skfem_element=spoiled(P2, lbasis=_mixed_up))
     return {
         "one quadrature point": (vary(Q1, name="X", stiffness_rule=gauss(1)), "zero modes"),
         "dofs in the wrong order": (mixed_up, "continuity"),
         "gradients twice too steep": (
-            vary(P1, name="X", make=spoiled(P1, lbasis=_steep)), "shape gradients"),
+            vary(P1, name="X", skfem_element=spoiled(P1, lbasis=_steep)), "shape gradients"),
         "functions that do not add up": (
-            vary(P1, name="X", make=spoiled(P1, lbasis=_curved)), "nodal functions"),
+            vary(P1, name="X", skfem_element=spoiled(P1, lbasis=_curved)), "nodal functions"),
         "weights of another cell": (
             vary(P1, name="X", stiffness_rule=lambda: (np.full((2, 1), 1 / 3), np.ones(1))),
             "quadrature weights"),
@@ -159,7 +159,7 @@ def elements() -> dict[str, tuple[ElementType, str]]:
         "reduced integration that reduces nothing": (
             vary(CATALOGUE["Q1-Bbar"], name="X", volume=BBAR, volume_rule=gauss(2)), "no locking"),
         "pressure as fine as the displacement": (
-            vary(P1, name="X", volume=MIXED, pressure=P1.make, poissons_ratio_limit=0.4,
+            vary(P1, name="X", volume=MIXED, pressure=P1.skfem_element, poissons_ratio_limit=0.4,
                  stiffness_rule=simplex(2)), "pressure stability"),
         "a limit that is not kept": (vary(P1, name="X", poissons_ratio_limit=0.4999), "no locking"),
     }  # fmt: skip
