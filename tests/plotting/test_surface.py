@@ -25,7 +25,8 @@ QUADRATIC = dataclasses.replace(
 )
 HEXAHEDRON = ElementType(
     name="H1", cell="hexahedron", skfem_element=skfem.ElementHex1, degree=1,
-    stiffness_rule=gauss(2, 3), mass_rule=gauss(2, 3), lumpings=("row-sum",), poissons_ratio_limit=0.45,
+    stiffness_rule=gauss(2, 3), mass_rule=gauss(2, 3), lumpings=("row-sum",),
+    poissons_ratio_limit=0.45,
 )  # fmt: skip
 SOLIDS = {
     "T1": (skfem.MeshTet, TETRAHEDRON),
