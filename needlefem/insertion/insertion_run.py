@@ -154,7 +154,7 @@ class KeptStates:
         if last is not None and around and self.numbers[-1] != self._count - 1:
             self._keep(last, self._count - 1)
         if self._fields:
-            state = dataclasses.replace(state, displacement=self._run.displacement())
+            state = dataclasses.replace(state, displacement=self._run.displacement(state))
         if around or self._run.stepping is None or self._count % self._save.every == 0:
             self._keep(state, self._count)
         self._last, self._occurrences = state, occurrences
@@ -169,7 +169,7 @@ class KeptStates:
         if self._last is not None and self.numbers[-1] != self._count - 1:
             self._keep(self._last, self._count - 1)
         if self.states and self._run.depends_on_time and self.states[-1].displacement is None:
-            field = self._run.displacement()
+            field = self._run.displacement(self.states[-1])
             self.states[-1] = dataclasses.replace(self.states[-1], displacement=field)
         return self._run.result(tuple(self.states), self.numbers)
 
@@ -248,17 +248,13 @@ class InsertionRun:
             return 0, 0
         return self.stepping.event_log.count, len(self.stepping.ruptures)
 
-    def displacement(self) -> Floats:
+    def displacement(self, state: State) -> Floats:
         """Return the displacement of all dofs in the last state, shape (ndofs,), m."""
-        if self.stepping is not None:
-            field = self.tissue_response.displacement()
-            if field is not None:
-                return field
-            state, segments = self.stepping.state, self.stepping.segments
-        else:
-            assert self.path_following is not None
-            state, segments = self.path_following.states[-1], self.path_following.contact.segments
-        return self.model.solve(load(self.model, self.instrument.axis.frame, state, segments))
+        field = self.tissue_response.displacement()
+        if field is not None:
+            return field
+        frame = self.instrument.axis.frame
+        return self.model.solve(load(self.model, frame, state, self.segments))
 
     @property
     def outcome(self) -> Outcome:

@@ -19,7 +19,7 @@ from needlefem.insertion import (
     validity,
 )
 from needlefem.materials import Isotropic, Viscoelastic
-from needlefem.scene import Scene, vary
+from needlefem.scene import Scene, Stage, vary
 
 SOFT = {"youngs_modulus": 30e3, "poissons_ratio": 0.45, "density": 1000.0}
 SLOW = Viscoelastic(**SOFT, shares=(0.5,), times=(10.0,))
@@ -81,9 +81,13 @@ def test_states_without_displacement_are_refused(gel: Scene) -> None:
         displacements(found, [5])
 
 
-def test_elastic_states_hold_the_equilibrium_if_asked(gel: Scene) -> None:
-    plain = simulate(gel)
-    found = simulate(gel, SaveAt(fields=True))
+@pytest.mark.parametrize("stages", [(), (Stage(depth=0.02), Stage(depth=0.01))])
+def test_elastic_states_hold_the_equilibrium_if_asked(
+    gel: Scene, stages: tuple[Stage, ...]
+) -> None:
+    scene = vary(gel, {"motion.stages": stages})
+    plain = simulate(scene)
+    found = simulate(scene, SaveAt(fields=True))
     assert all(state.displacement is None for state in plain.states)
     numbers = range(len(plain.states))
     assert displacements(found, numbers) == pytest.approx(displacements(plain, numbers), abs=1e-15)
