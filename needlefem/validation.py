@@ -15,6 +15,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+import numpy as np
+
 from needlefem.errors import CaseError, matching, nearest, short
 from needlefem.units import LARGEST, dimension_of, parse_quantity
 
@@ -379,3 +381,26 @@ def _named(item: object, raw: object, key: str, *, strict: bool) -> object:
         name: converted(item, value, None, dotted(key, name), strict=strict)
         for name, value in raw.items()
     }
+
+
+ROUND_OFF = 1e-15
+"""Difference of a unit vector's length from 1."""
+
+
+def unit(direction: tuple[float, ...], key: str) -> tuple[float, ...]:
+    """Return a direction as a unit vector; unchanged if it has unit length up to round-off.
+
+    Raises
+    ------
+    CaseError
+        It has less than two components, or all are zero.
+    """
+    largest = max((abs(x) for x in direction), default=0.0)
+    if len(direction) < 2 or not largest > 0.0:
+        raise CaseError(key, f"{list(direction)}", "give a number for each axis, not all zero")
+    if not 1e-100 < largest < 1e100:  # the square of a component would vanish
+        direction = tuple(x / largest for x in direction)
+    length = float(np.linalg.norm(direction))
+    if abs(length - 1.0) <= ROUND_OFF:
+        return direction
+    return tuple(x / length for x in direction)

@@ -5,7 +5,6 @@ import dataclasses
 from pathlib import Path
 from typing import NamedTuple
 
-from needlefem._progress import expect_steps
 from needlefem.casefile.load import load_case
 from needlefem.checks.mesh_checks import overlaps
 from needlefem.cli.common import (
@@ -25,7 +24,7 @@ from needlefem.errors import NoRendererError
 from needlefem.insertion.cut_path import TipPoint
 from needlefem.insertion.cut_path import TipTrajectory as CutPath
 from needlefem.insertion.energy_balance import energy_terms
-from needlefem.insertion.insertion_run import KeptStates, SaveAt
+from needlefem.insertion.insertion_run import SaveAt
 from needlefem.insertion.result import EnergyTerms, Insertion, StrainCheck, validity
 from needlefem.insertion.simulation import Discretised, Simulation, discretised
 from needlefem.io.expectations import expect_record, judged
@@ -95,21 +94,14 @@ def _moved(
     scene: Scene, result: ResultFolder | None, save: SaveAt
 ) -> tuple[_Moved, dict[str, object]]:
     """Return what the needle does, and its record."""
-    watch = progress("moving")
-    simulation = Simulation(scene, expected_insertions=1)
+    simulation = Simulation(scene, watch=progress("moving"), expected_insertions=1)
     simulation.check()
     course = simulation.insertion_run(simulation.entry_of_case())
-    states = course.iterate()
+    states = None
     if result is not None:
         result.begin()
         states = recorded_states(course, History(folder=result.path))
-    kept = KeptStates(save, course)
-    expect_steps(course.expected_steps)
-    for state in states:
-        kept.add(state)
-        watch(state)
-    expect_steps(0)
-    insertion = kept.insertion()
+    insertion = simulation.complete(course, save=save, states=states)
     strains = validity(insertion, len(insertion.states) - 1)
     moved = _Moved(
         insertion=insertion,

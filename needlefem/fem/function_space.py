@@ -70,6 +70,10 @@ class NodalFrames:
         self.matrix: Sparse = (rotated + diags_array(entries)).tocsr()
         """Dof vectors along the axes of unit unknowns, shape (ndofs, ndofs)."""
 
+    def local_matrix(self, matrix: Sparse) -> Sparse:
+        """Return a matrix between dof vectors, shape (ndofs, ndofs), as one between unknowns."""
+        return (self.matrix.T @ matrix @ self.matrix).tocsr()
+
     def local_loads(self, nodes: Ints, loads: Floats) -> Floats:
         """Return loads on nodes as loads on their unknowns.
 

@@ -251,7 +251,7 @@ class Stiffness:
         """Return the matrix that `factor` factorises, and the unit of the pressure in it, Pa."""
         matrix = stiffness * self.matrix if mass is None else stiffness * self.matrix + mass
         if frames is not None:
-            matrix = frames.matrix.T @ matrix @ frames.matrix
+            matrix = frames.local_matrix(matrix)
         block = matrix.tocsr()[free][:, free]
         if self._element.definite:
             return block, 1.0

@@ -1,10 +1,8 @@
 """The discretised tissue with its supports: stiffness, mass and free dofs."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,10 +22,7 @@ from needlefem.materials import (
     volumetric_split,
 )
 from needlefem.mesh.cell_map import cell_measures
-from needlefem.validation import Validated, parameter
-
-if TYPE_CHECKING:
-    from needlefem.fem.function_space import FunctionSpace
+from needlefem.validation import Validated, parameter, unit
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -54,16 +49,15 @@ class Support(Validated):
         if self.fixed:
             problem = "given together with a direction, which replaces it"
             raise CaseError(f"{self.TABLE}.fixed", problem, "write one of them")
-        size = math.hypot(*self.direction)
-        if not size > 0.0:
+        if not any(self.direction):
             problem = f"{short(self.direction)} has no length"
             raise CaseError(f"{self.TABLE}.direction", problem, "give a vector such as [0.5, 1]")
-        unit = tuple(component / size for component in self.direction)
-        object.__setattr__(self, "direction", unit)
+        direction = unit(self.direction, f"{self.TABLE}.direction")
+        object.__setattr__(self, "direction", direction)
 
 
 def _fixed_directions(
-    space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
+    space: FunctionSpace, supports: Mapping[str, Support], axes: tuple[str, ...]
 ) -> dict[int, Floats]:
     """Return the fixed directions of all nodes with a support along another than the axes.
 
@@ -88,7 +82,7 @@ def _fixed_directions(
     return {node: np.array(directions) for node, directions in found.items()}
 
 
-def _supported_nodes(space: "FunctionSpace", support: Support, name: str) -> Ints:
+def _supported_nodes(space: FunctionSpace, support: Support, name: str) -> Ints:
     """Return the nodes of a support's faces and regions in rising order."""
     nodes = [np.zeros(0, dtype=np.intp)]
     regions = space.mesh.subdomains or {}
@@ -100,7 +94,7 @@ def _supported_nodes(space: "FunctionSpace", support: Support, name: str) -> Int
 
 
 def supported_dofs(
-    space: "FunctionSpace", supports: Mapping[str, Support], axes: tuple[str, ...]
+    space: FunctionSpace, supports: Mapping[str, Support], axes: tuple[str, ...]
 ) -> tuple[Ints, NodalFrames | None]:
     """Return the fixed dofs of all supports in rising order, and the frames of inclined supports.
 
@@ -295,7 +289,7 @@ class TissueModel(FunctionSpace):
         """Return a matrix between dof vectors as the matrix between the components in frames."""
         if self.frames is None:
             return matrix
-        return (self.frames.matrix.T @ matrix @ self.frames.matrix).tocsr()
+        return self.frames.local_matrix(matrix)
 
     def free_block(self, matrix: Sparse) -> Sparse:
         """Return the rows and columns of the unknowns of a matrix between dof vectors."""

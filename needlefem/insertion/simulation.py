@@ -1,7 +1,7 @@
 """The data that all insertions in one scene share: tissue, compliances, and needles on any axis."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -355,7 +355,7 @@ class Simulation:
         once = dataclasses.replace(self.scene.motion, stages=(), times=(), depths=())
         if max_depth is not None:
             once = dataclasses.replace(once, max_depth=max_depth)
-        return self._run(self.insertion_run(entry, once), stop, save)
+        return self.complete(self.insertion_run(entry, once), stop, save)
 
     def forget(self) -> None:
         """Start the next insertion without initial values from the last one."""
@@ -363,7 +363,7 @@ class Simulation:
 
     def move(self, entry: Entry, save: SaveAt | None = None) -> Insertion:
         """Simulate the complete motion of the scene from an entry."""
-        return self._run(self.insertion_run(entry), save=save)
+        return self.complete(self.insertion_run(entry), save=save)
 
     def insertion_run(self, entry: Entry, motion: Motion | None = None) -> InsertionRun:
         """Return a motion of the needle that is ready to run.
@@ -402,13 +402,21 @@ class Simulation:
             return ViscoelasticResponse(self.model, self._expected_loads(1))
         return ElasticResponse(self.responses)
 
-    def _run(
-        self, run: InsertionRun, stop: Stop | None = None, save: SaveAt | None = None
+    def complete(
+        self,
+        run: InsertionRun,
+        stop: Stop | None = None,
+        save: SaveAt | None = None,
+        states: Iterator[State] | None = None,
     ) -> Insertion:
+        """Run a motion to its end, or until `stop` returns True; see `insert`.
+
+        `states` are those of the run, if they pass another reader first, such as `recorded_states`.
+        """
         kept = KeptStates(save or SaveAt(), run)
         doing(f"insertion {self.insertions + 1}")
         expect_steps(run.expected_steps)
-        for state in run.iterate():
+        for state in run.iterate() if states is None else states:
             kept.add(state)
             if self._watch is not None:
                 self._watch(state)

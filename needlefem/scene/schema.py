@@ -21,10 +21,16 @@ from needlefem.scene.discretization import (
     Limits,
     Rayleigh,
 )
-from needlefem.validation import ParameterInfo, Validated, converted, made, parameter, validate
+from needlefem.validation import (
+    ParameterInfo,
+    Validated,
+    converted,
+    made,
+    parameter,
+    unit,
+    validate,
+)
 
-ROUND_OFF = 1e-15
-"""Difference of a unit vector's length from 1."""
 KEYS = {
     "default_material": "tissue.default_material",
     "plane": "tissue.plane",
@@ -421,25 +427,6 @@ def point_of(raw: object, dim: int, key: str) -> Coordinates:
 
 
 _POINT = ParameterInfo("A point", "length")
-
-
-def unit(direction: Coordinates, key: str) -> Coordinates:
-    """Return a direction as a unit vector; unchanged if it has unit length up to round-off.
-
-    Raises
-    ------
-    CaseError
-        It has less than two components, or all are zero.
-    """
-    largest = max((abs(x) for x in direction), default=0.0)
-    if len(direction) < 2 or not largest > 0.0:
-        raise CaseError(key, f"{list(direction)}", "give a number for each axis, not all zero")
-    if not 1e-100 < largest < 1e100:  # the square of a component would vanish
-        direction = tuple(x / largest for x in direction)
-    length = float(np.linalg.norm(direction))
-    if abs(length - 1.0) <= ROUND_OFF:
-        return direction
-    return tuple(x / length for x in direction)
 
 
 def _known(key: str, what: str, name: str, known: Iterable[str]) -> None:
