@@ -57,28 +57,27 @@ class Support(Validated):
 
 
 def _fixed_directions(
-    space: FunctionSpace, supports: Mapping[str, Support], axes: tuple[str, ...]
+    supports: Mapping[str, Support], nodes: Mapping[str, Ints], axes: tuple[str, ...]
 ) -> dict[int, Floats]:
     """Return the fixed directions of all nodes with a support along another than the axes.
 
     Each node has an array of shape (ndirections, dim), which contains the directions of its other
     supports as well.
     """
-    inclined = {
-        int(node)
+    found: dict[int, list[Floats]] = {
+        node: []
         for name, support in supports.items()
         if support.direction
-        for node in _supported_nodes(space, support, name)
+        for node in nodes[name].tolist()
     }
-    found: dict[int, list[Floats]] = {node: [] for node in inclined}
-    for name, support in supports.items() if inclined else ():
+    for name, support in supports.items() if found else ():
         if support.direction:
             directions = [np.array(support.direction)]
         else:
-            directions = [np.eye(space.dim)[axes.index(axis)] for axis in support.fixed or axes]
-        for node in _supported_nodes(space, support, name):
-            if int(node) in inclined:
-                found[int(node)] += directions
+            directions = [np.eye(len(axes))[axes.index(axis)] for axis in support.fixed or axes]
+        for node in nodes[name].tolist():
+            if node in found:
+                found[node] += directions
     return {node: np.array(directions) for node, directions in found.items()}
 
 
@@ -113,18 +112,18 @@ def supported_dofs(
     CaseError
         A face or an axis does not exist.
     """
-    held = [np.zeros(0, dtype=np.intp)]
+    held, nodes = [np.zeros(0, dtype=np.intp)], dict[str, Ints]()
     for name, support in supports.items():
         for axis in set(support.fixed) - set(axes):
             raise CaseError(f"supports.{name}.fixed", f"no axis {short(axis)}", nearest(axis, axes))
         if support.direction and len(support.direction) != space.dim:
             problem = f"{len(support.direction)} components in {space.dim} dimensions"
             raise CaseError(f"supports.{name}.direction", problem, "give one for each axis")
+        nodes[name] = _supported_nodes(space, support, name)
         if not support.direction:
             components = [axes.index(axis) for axis in support.fixed or axes]
-            nodes = _supported_nodes(space, support, name)
-            held.append(space.node_dofs[nodes][:, components].ravel())
-    inclined = _fixed_directions(space, supports, axes)
+            held.append(space.node_dofs[nodes[name]][:, components].ravel())
+    inclined = _fixed_directions(supports, nodes, axes)
     if not inclined:
         return np.unique(np.concatenate(held)), None
     frames = {node: frame_along(directions) for node, directions in inclined.items()}

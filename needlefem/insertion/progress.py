@@ -238,11 +238,8 @@ class Progress:
 
         None if the depth grows little: its maximum, where a rupture begins, may be in the step.
         """
-        before, last, spacing = (
-            self.state.depth,
-            self.cut_path.vertices[-1],
-            self.instrument.spacing,
-        )
+        before, spacing = self.state.depth, self.instrument.spacing
+        last = self.cut_path.vertices[-1]
         step: TipSolution | None = solver.solve(last, spacing)
         assert step is not None
         if step.depth > depth + TOLERANCE:

@@ -315,10 +315,8 @@ class StepEquations:
             kinetic limit.
         """
         contact, cut_path, count = self.contact, self.cut_path, self.cut_path.count
-        weights, length = (
-            step.trial.weights,
-            float(np.linalg.norm(step.tip - cut_path.vertices[-1])),
-        )
+        length = float(np.linalg.norm(step.tip - cut_path.vertices[-1]))
+        weights = step.trial.weights
         position = TipPosition(
             tip=step.tip,
             full_segments=count,

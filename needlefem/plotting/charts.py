@@ -7,7 +7,7 @@ behind. The suffix of a file chooses PNG, PDF or SVG. Equal data give equal file
 import dataclasses
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
@@ -95,9 +95,12 @@ def _vector(figure: "Figure", kind: str) -> bytes:
     return written.getvalue()
 
 
-def _svg(figure: "Figure", title: str) -> str:
-    """Return a chart as an SVG element of an HTML page."""
-    text = _vector(figure, "svg").decode("utf-8")
+def _svg(title: str, draw: "Callable[[], Figure]") -> str:
+    """Return a chart as an SVG element of an HTML page, or a sentence without matplotlib."""
+    try:
+        text = _vector(draw(), "svg").decode("utf-8")
+    except NoRendererError as error:
+        return f"<p>No chart: {escape(str(error))}</p>"
     label = f'<svg role="img" aria-label="{escape(title, quote=True)}" '
     return text[text.index("<svg") :].replace("<svg ", label, 1)
 
@@ -144,10 +147,13 @@ def loglog(
     shown = [line for line in lines if min(*line.x, *line.y) > 0.0]
     if not shown:
         return ""
-    try:
-        figure, (axes,) = new_chart(7.0, 4.2)
-    except NoRendererError as error:
-        return f"<p>No chart: {escape(str(error))}</p>"
+    return _svg(title, lambda: _loglog_figure(title, x_label, y_label, shown, slopes))
+
+
+def _loglog_figure(
+    title: str, x_label: str, y_label: str, shown: Sequence[ChartLine], slopes: Sequence[float]
+) -> "Figure":
+    figure, (axes,) = new_chart(7.0, 4.2)
     axes.set(title=title, xlabel=x_label, ylabel=y_label, xscale="log", yscale="log")
     axes.set_xlim(*_decades([x for line in shown for x in line.x]))
     axes.set_ylim(*_decades([y for line in shown for y in line.y]))
@@ -160,7 +166,7 @@ def loglog(
     for number, slope in enumerate(sorted(set(slopes))):
         _triangle(axes, slope, number)
     figure.legend(loc="outside right upper", frameon=False)
-    return _svg(figure, title)
+    return figure
 
 
 def _decades(values: Sequence[float]) -> tuple[float, float]:
@@ -189,10 +195,7 @@ def bars(title: str, label: str, rows: Sequence[Bar]) -> str:
     shown = [bar for bar in rows if bar.value > 0.0 and (bar.least is None or bar.least > 0.0)]
     if not shown:
         return ""
-    try:
-        return _svg(bar_figure(title, label, shown), title)
-    except NoRendererError as error:
-        return f"<p>No chart: {escape(str(error))}</p>"
+    return _svg(title, lambda: bar_figure(title, label, shown))
 
 
 def bar_figure(title: str, label: str, rows: Sequence[Bar]) -> "Figure":
