@@ -235,6 +235,8 @@ EVENTS = {
 """Marker and name of the events in a chart of forces; stick and slip have a chart of their own."""
 MOST_ARROWS = 12
 """Largest number of arrows along a curve."""
+HEAD = "-|>,head_length=0.8,head_width=0.25"
+"""Shape of an arrow head: much longer than wide, so that its direction can be seen."""
 SHORTEST = 0.1
 """Shortest course with an arrow, relative to the range of depths."""
 
@@ -294,7 +296,10 @@ def _arrow(axes: "Axes", x: Floats, y: Floats) -> None:
     before, middle = zip(*(np.interp(share, travel, values) for values in (x, y)), strict=True)
     axes.annotate(
         "", xy=middle, xytext=before,
-        arrowprops={"arrowstyle": "-|>", "color": Style.seed, "mutation_scale": 18},
+        arrowprops={
+            "arrowstyle": HEAD, "color": Style.seed, "mutation_scale": 18,
+            "shrinkA": 0, "shrinkB": 0,
+        },
     )  # fmt: skip
 
 
